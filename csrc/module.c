@@ -122,7 +122,7 @@ static int execute(PyObject *module)
         if (*names[i].place == NULL)
             return -1;
     }
-    return 0;
+    return PyModule_AddIntConstant(module, "INTERFACE", INTERFACE);
 }
 
 static PyModuleDef_Slot SLOTS[] = {

@@ -17,6 +17,10 @@
 #error "packets are little-endian, and this code copies them: use the pure package"
 #endif
 
+/* The number of the interface between this module and the modules in Python, which INTERFACE in orinkit/core/speedups.py
+ * repeats. After a change of a function, of its arguments, or of an attribute that is read here, increase both. */
+#define INTERFACE 2
+
 /* Result of the internal functions; FAILED means that a Python exception is set. */
 typedef enum { FAILED = -1, UNUSUAL = 0, DONE = 1 } Outcome;
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -18,12 +21,15 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = (
     "from orinkit.core import speedups; from orinkit.values import codec; print(speedups.status()); print(codec.encode)"
 )
+INTERFACE = {2: "df22562e3c457f66"}
+"""Number of the interface between C and Python, and a digest of it: functions, attributes, formats of arguments."""
+OTHER_VERSION = "import orinkit.core._speedups as other; {change}; "
 
 
-def in_process(**variables: str) -> list[str]:
+def in_process(program: str = PROGRAM, **variables: str) -> list[str]:
     environment = {name: value for name, value in os.environ.items() if name != "ORINKIT_PURE"} | variables
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", program],
         env=environment | {"ORINKIT_LANG": "en"}, capture_output=True, text=True, timeout=300, check=True,
     )  # fmt: skip
     return done.stdout.splitlines()
@@ -48,6 +54,36 @@ def test_the_reason_is_stated(monkeypatch):
     assert speedups.status().startswith("C extension: not built. Try: install a C compiler")
     i18n.use("ja")
     assert "対処" in speedups.status()
+
+
+@needs_extension
+@pytest.mark.parametrize("change", ["other.INTERFACE += 1", "del other.INTERFACE"])
+def test_an_extension_of_another_version_is_not_used(change):
+    first, second = in_process(OTHER_VERSION.format(change=change) + PROGRAM, ORINKIT_PURE="0")
+    assert first.startswith(
+        "C extension: not in use, because it was built from another version of orinkit. Try: rebuild:"
+    )
+    assert second.startswith("<function encode")
+
+
+def test_the_number_of_the_interface_is_the_same_in_c():
+    header = (ROOT / "csrc" / "speedups.h").read_text(encoding="utf-8")
+    assert f"#define INTERFACE {speedups.INTERFACE}\n" in header
+
+
+def test_a_change_of_the_interface_has_a_new_number():
+    """Otherwise, an extension that was built before the change would be used, and would fail."""
+    sources = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "csrc").glob("*.[ch]")))
+    functions = re.findall(r'{"(\w+)", [^}]*METH_[^}]*}', sources)
+    attributes = re.findall(r'{&s->n_\w+, "(\w+)"}', sources)
+    formats = re.findall(r'PyArg_ParseTuple\(\w+, "([^"]*)"', sources)
+    counts = re.findall(r"return (keep\(.*\));", sources)
+    assert len(functions) > 10 < len(attributes)
+    interface = json.dumps([sorted(functions), sorted(attributes), sorted(formats), sorted(counts)])
+    digest = hashlib.sha256(interface.encode()).hexdigest()[:16]
+    assert {speedups.INTERFACE: digest} == INTERFACE, (
+        f"increase INTERFACE in csrc/speedups.h and core/speedups.py; its digest is {digest}: {interface}"
+    )
 
 
 @needs_extension

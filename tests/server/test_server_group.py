@@ -10,10 +10,13 @@ import pytest
 
 import orinkit
 from orinkit import aio
+from orinkit.cao.provider import Deferred
 from orinkit.core.errors import ConnectFailed, InvalidAddress
 from orinkit.transport.address import consecutive_addresses, parse_address
 from orinkit.virtual.rc8 import VirtualRC8
 from orinkit.virtual.shared_clock import SharedClock
+from support.busy import occupy
+from support.waiting import PATIENCE, until
 
 
 def test_consecutive_addresses() -> None:
@@ -59,6 +62,30 @@ def test_each_arm_has_its_own_port_and_its_own_state() -> None:
         for number, url in enumerate(server.urls):
             with orinkit.connect(url) as rc8:
                 assert rc8.variable("I1").value == number
+
+
+def test_long_work_of_one_arm_does_not_hold_up_another_one() -> None:
+    clock, going = SharedClock(scale=20.0), threading.Event()
+    arms = [VirtualRC8(clock=clock, motor=True, samples=False) for _ in range(2)]
+    with orinkit.serve_many(arms, "tcp://127.0.0.1:0") as server:
+        busy = [arms[0].state.planning, arms[0].state.compiling, arms[0].state.disk]
+        for lane in busy:
+            occupy(lane, going)
+        waiting = [
+            lane.submit(lambda: going.wait(PATIENCE), Deferred(), number) for lane in busy for number in range(8)
+        ]
+        try:
+            with orinkit.connect(server.urls[1], timeout=PATIENCE) as rc8:
+                rc8.file("Pro1.pcs", create=True).value = "Sub Main\nI5 = 7\nEnd Sub"
+                rc8.task("Pro1").start(1)
+                until(lambda: rc8.variable("I5").value == 7)
+                robot = rc8.robot()
+                robot.execute("TakeArm", [0, 0])
+                robot.move(4, "P(330, 0, 300, 180, 0, 180)")  # a free curve is planned in a thread
+                assert robot.variable("@CURRENT_POSITION").value[0] == pytest.approx(330, abs=0.1)
+            assert not any(each.done() for each in waiting)
+        finally:
+            going.set()
 
 
 def test_many_moving_arms_share_a_thread() -> None:

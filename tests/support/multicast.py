@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import random
 import socket
 from itertools import cycle
@@ -24,6 +25,7 @@ def _hold() -> tuple[socket.socket, int]:
 
 
 _lock, _first = _hold()
+atexit.register(_lock.close)  # otherwise, the end of the process causes a ResourceWarning
 _ports = cycle(range(_first, _first + _BLOCKS.step))
 
 

@@ -15,6 +15,10 @@ from orinkit.core.i18n import tr
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_STALE: Final = "INTERFACE"
+INTERFACE: Final = 2
+"""Number of the interface of the extension that the modules in Python expect (``csrc/speedups.h``)."""
+
 
 def _load() -> tuple[Any, str]:
     """Return the extension, or ``None`` and the reason."""
@@ -24,6 +28,9 @@ def _load() -> tuple[Any, str]:
         from orinkit.core import _speedups
     except ImportError as error:
         return None, str(error)
+    # an editable installation keeps the extension when its sources change, for example after "git pull"
+    if getattr(_speedups, "INTERFACE", None) != INTERFACE:
+        return None, _STALE
     return _speedups, ""
 
 
@@ -70,4 +77,9 @@ def status() -> str:
         return tr("C extension: in use")
     if _reason == "ORINKIT_PURE":
         return tr("C extension: disabled by ORINKIT_PURE")
+    if _reason == _STALE:
+        return tr(
+            "C extension: not in use, because it was built from another version of orinkit. Try: rebuild: make "
+            "setup-dev in the source folder, or reinstall orinkit"
+        )
     return tr("C extension: not built. Try: install a C compiler and the Python headers, then reinstall orinkit")

@@ -14,6 +14,7 @@ from datetime import datetime, timedelta
 from typing import Final
 
 from orinkit.core.i18n import tr
+from orinkit.virtual.workers import Workers
 
 _MANUAL_START: Final = datetime(2024, 4, 1, 9, 0, 0)
 _SCALES: Final = (1e-6, 1e6)  # outside this range a clock cannot represent the times of a device
@@ -107,6 +108,14 @@ class Clock:
                 called again, or ``None`` if it has nothing to do until :meth:`ClockDriver.wake`.
         """
         return _Thread(advance, self.scale)
+
+    def workers(self, name: str) -> Workers:
+        """Return the threads for long work of a device: one thread, unless devices share this clock's threads.
+
+        Args:
+            name: Name of the threads.
+        """
+        return Workers(name)
 
 
 class _Thread(ClockDriver):

@@ -17,6 +17,7 @@ from heapq import heapify, heappop, heappush
 from typing import Final
 
 from orinkit.virtual.clock import IDLE_TIME, JOIN_TIMEOUT, SHORTEST_PAUSE, Clock, ClockDriver
+from orinkit.virtual.workers import Workers
 
 logger = logging.getLogger("orinkit.rc8")
 
@@ -24,11 +25,15 @@ LONG: Final = 0.02
 """Seconds after which another thread takes over the other devices, if the call of one device has not ended."""
 PHASES: Final = 4
 """Times within a period at which cycles of devices begin."""
+WORKERS: Final = 4
+"""Number of threads for each kind of long work. The computing threads take turns with the event loop and the cycles."""
 _FEW: Final = 16  # entries of the heap that are never cleaned up
 
 
 class SharedClock(Clock):
     """Real time, or a multiple of it, for several devices, all of which one thread drives.
+
+    Their long work (planning, files, compiling) is done by a few threads that they also share.
 
     Pass the same object to each device, for example ``VirtualRC8(clock=shared)``. The devices have the same time, and
     nothing else in common: each has its own state and its own lock. The device that is due first is called first, so a
@@ -46,6 +51,7 @@ class SharedClock(Clock):
     def __init__(self, scale: float = 1.0) -> None:
         super().__init__(scale)
         self._scheduler = _Scheduler(scale)
+        self._workers: dict[str, Workers] = {}
 
     def first_cycle(self, period: float) -> float:
         """Return the present time, rounded down to a quarter of ``period``.
@@ -59,6 +65,10 @@ class SharedClock(Clock):
     def drive(self, advance: Callable[[], float | None]) -> ClockDriver:
         """Drive a device with the thread of this clock."""
         return _SharedDriver(self._scheduler, advance)
+
+    def workers(self, name: str) -> Workers:
+        """Return the threads with this name, at most :data:`WORKERS`, which all devices share."""
+        return self._workers.setdefault(name, Workers(name, WORKERS))
 
 
 class _SharedDriver(ClockDriver):

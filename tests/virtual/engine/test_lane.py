@@ -11,6 +11,7 @@ from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.virtual.clock import Clock, ManualClock
 from orinkit.virtual.engine.lane import Lane, LaneLimits
+from orinkit.virtual.shared_clock import WORKERS, SharedClock
 from support.busy import occupy
 from support.waiting import PATIENCE, until
 
@@ -133,7 +134,7 @@ def test_closing_discards_the_waiting_jobs_and_waits_for_the_one_in_progress():
 
 
 def test_the_thread_ends_without_jobs_and_starts_again(monkeypatch):
-    monkeypatch.setattr("orinkit.virtual.engine.lane._IDLE_TIME", 0.001)
+    monkeypatch.setattr("orinkit.virtual.workers.IDLE_TIME", 0.001)
     lane, threads = Lane("test", Clock()), list[threading.Thread]()
     for _ in range(3):
         until(lane.run(lambda: threads.append(threading.current_thread())).done)
@@ -144,3 +145,81 @@ def test_the_thread_ends_without_jobs_and_starts_again(monkeypatch):
 def test_with_a_manual_clock_jobs_are_run_immediately():
     lane = Lane("test", ManualClock())
     assert lane.run(lambda: threading.current_thread()) is threading.current_thread()
+
+
+# --- lanes of several controllers with one clock -----------------------------------------------------------------------
+
+
+def test_lanes_of_a_shared_clock_share_a_few_threads():
+    clock, going = SharedClock(), threading.Event()
+    lanes = [Lane("test", clock) for _ in range(10 * WORKERS)]
+    threads, lock = set[threading.Thread](), threading.Lock()
+
+    def job() -> None:
+        with lock:
+            threads.add(threading.current_thread())
+        assert going.wait(PATIENCE)
+
+    results = [lane.run(job) for lane in lanes]
+    until(lambda: len(threads) == WORKERS)
+    going.set()
+    until(lambda: all(result.done() for result in results))
+    for result in results:
+        result.result()
+    assert len(threads) == WORKERS
+    for lane in lanes:
+        lane.close(waits=True)
+
+
+def test_the_long_jobs_of_one_controller_occupy_one_of_the_shared_threads():
+    clock, going = SharedClock(), threading.Event()
+    slow, others = Lane("test", clock), [Lane("test", clock) for _ in range(10)]
+    waiting = [slow.run(lambda: going.wait(PATIENCE)) for _ in range(10 * WORKERS)]
+    results = [lane.run(lambda: None) for lane in others]
+    until(lambda: all(result.done() for result in results))
+    assert not any(each.done() for each in waiting)
+    going.set()
+    until(waiting[-1].done)
+    for lane in (slow, *others):
+        lane.close(waits=True)
+
+
+def test_each_controller_waits_for_one_job_of_every_other_one():
+    """Even if only one thread is left, because the other ones are occupied."""
+    clock, going = SharedClock(), threading.Event()
+    occupying = [Lane("test", clock) for _ in range(WORKERS - 1)]
+    for lane in occupying:
+        occupy(lane, going)
+    lanes, log = [Lane("test", clock) for _ in range(5)], list[int]()
+    gate = threading.Event()
+    occupy(lanes[0], gate)
+    results = [
+        lane.run(lambda number=number: log.append(number)) for number, lane in enumerate(lanes) for _ in range(20)
+    ]
+    gate.set()
+    until(lambda: all(result.done() for result in results))
+    assert log == [1, 2, 3, 4, 0] * 20
+    going.set()
+    for lane in (*occupying, *lanes):
+        lane.close(waits=True)
+
+
+def test_closing_a_lane_leaves_the_jobs_of_other_lanes():
+    clock, going = SharedClock(), threading.Event()
+    one, other = Lane("test", clock), Lane("test", clock)
+    running = other.run(lambda: going.wait(PATIENCE))
+    later = other.run(lambda: 1)
+    one.close(waits=True)
+    going.set()
+    until(later.done)
+    assert (running.result(), later.result()) == (True, 1)
+    other.close(waits=True)
+
+
+def test_idle_threads_end_when_a_lane_is_closed(monkeypatch):
+    monkeypatch.setattr("orinkit.virtual.workers.IDLE_TIME", 10 * PATIENCE)
+    lane, threads = Lane("test", SharedClock()), list[threading.Thread]()
+    until(lane.run(lambda: threads.append(threading.current_thread())).done)
+    lane.close(waits=True)
+    threads[0].join(PATIENCE)
+    assert not threads[0].is_alive()

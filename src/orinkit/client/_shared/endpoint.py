@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from time import monotonic
-from typing import TYPE_CHECKING, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
 from orinkit.bcap.client import BcapConversation, RawOperation
 from orinkit.bcap.profiles import BcapProfile
@@ -119,6 +119,19 @@ class _ConcurrentLink(Protocol):
     def enable_concurrent_send(self) -> None: ...
 
     def send_concurrently(self, data: bytes) -> None: ...
+
+
+@runtime_checkable
+class _GuardedLink(Protocol):
+    """A link that other threads can close during a call."""
+
+    def guard(self, lock: Any) -> None: ...
+
+
+def guard(link: object, lock: object) -> None:
+    """Let a link keep its descriptor open while another thread holds the lock of a client; do nothing in asyncio."""
+    if isinstance(link, _GuardedLink):
+        link.guard(lock)
 
 
 def enable_concurrent_send(link: object) -> None:

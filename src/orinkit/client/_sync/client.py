@@ -33,6 +33,7 @@ from orinkit.client._shared.endpoint import (
     connection_deadline,
     conversation,
     enable_concurrent_send,
+    guard,
     limit_patience,
     link_for_closing,
     opening_of,
@@ -113,6 +114,7 @@ class Client(Connection):
         if profile.shared:  # late replies to the previous client must not match the first requests of this client
             self._conversation.serial = randint(1, _LAST_SERIAL)  # noqa: S311 - no secret
         self._lock = threading.RLock()
+        guard(link, self._lock)
         self._finished = False
         self._deadline: float | None = None
         self._end: Deadline | None = None  # end of connecting or closing

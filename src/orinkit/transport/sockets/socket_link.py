@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 from collections.abc import Callable, Iterable
-from typing import Final
+from typing import Any, Final
 
 from orinkit.core.errors import TransportError
 from orinkit.core.i18n import tr
@@ -14,6 +15,7 @@ from orinkit.transport.fork_safety import ProcessBound, keep_from_children
 from orinkit.transport.link_errors import lost
 
 CHUNK: Final = 65536
+_ENDING: Final = 1.0  # s to wait for the end of a call in another thread, which the shutdown of the socket ends
 
 
 class SocketLink(ProcessBound):
@@ -39,6 +41,7 @@ class SocketLink(ProcessBound):
         self._sendall: Callable[[bytes], object] = connection.sendall
         self._recv = connection.recv
         self._sending: threading.Lock | None = None
+        self._calling: Any = None
         # for exchange(): another object for the same descriptor, which belongs to self._socket
         self._sender = socket.socket(connection.family, connection.type, connection.proto, connection.fileno())
         keep_from_children(self)
@@ -46,6 +49,21 @@ class SocketLink(ProcessBound):
     def __del__(self) -> None:
         if hasattr(self, "_sender"):
             self._sender.detach()
+            if not self._open:
+                self._socket.close()
+
+    def guard(self, lock: Any) -> None:
+        """Let :meth:`close` wait until no other thread holds a lock, before the descriptor of a stream is closed.
+
+        A system call of another thread has the number of the descriptor from the moment at which it releases the GIL.
+        If this number already belonged to another file, a request could go to another robot.
+
+        Args:
+            lock: The ``threading.RLock`` that a thread holds during :meth:`exchange`, :meth:`send` and :meth:`receive`.
+        """
+        # the shutdown of a datagram socket does not end a receive in another thread; on Windows, no shutdown does
+        if not self.datagrams and os.name != "nt":
+            self._calling = lock
 
     def fileno(self) -> int:
         """Return the socket's descriptor, so that another process can take it over.
@@ -249,4 +267,15 @@ class SocketLink(ProcessBound):
                 self._socket.shutdown(socket.SHUT_RDWR)
             except OSError:  # the peer may have closed first
                 pass
+            self._close_descriptor()
+
+    def _close_descriptor(self) -> None:
+        lock = self._calling
+        if lock is None:
             self._socket.close()
+        elif lock.acquire(timeout=_ENDING):
+            try:
+                self._socket.close()
+            finally:
+                lock.release()
+        # otherwise, __del__ closes the socket: a thread that uses the descriptor has a reference to this link

@@ -1,4 +1,4 @@
-"""A thread for work that takes too long for the lock of a controller: planning, files, compiling.
+"""Work that takes too long for the lock of a controller, in another thread: planning, files, compiling.
 
 The work is divided into jobs. A job computes without the lock, and enters the lock only briefly, to read the state that
 it needs and to apply its result.
@@ -22,13 +22,12 @@ from orinkit.virtual.clock import Clock
 
 T = TypeVar("T")
 
-_IDLE_TIME: Final = 5.0  # s without a job after which the thread ends; starting a thread would delay each job
 _CLOSING_TIME: Final = 5.0  # s to wait for the job in progress when the controller is switched off
 
 
 @record
 class LaneLimits:
-    """Limits on the jobs that wait for the thread of a lane.
+    """Limits on the jobs that wait in a lane.
 
     Attributes:
         jobs: Maximum number of waiting jobs.
@@ -49,16 +48,17 @@ class _Job:
 
 
 class Lane:
-    """Runs jobs one at a time in a daemon thread, which ends after some seconds without jobs.
+    """Runs jobs one at a time in a thread of :meth:`Clock.workers <orinkit.virtual.clock.Clock.workers>`.
 
     The jobs of one client are run in their order. If several clients have waiting jobs, one job of each client is run in
-    turn.
+    turn. Controllers with a shared clock share a few threads: each lane runs one job, and then waits until the other
+    lanes have had their turns. A lane occupies one thread at most.
 
     With a manual clock, there is no thread: each job is run immediately, so that tests are deterministic.
 
     Args:
-        name: Name of the thread.
-        clock: The controller's clock.
+        name: Name of the threads.
+        clock: The controller's clock, which has the threads.
         limits: Limits on waiting jobs; None for no limits.
 
     Attributes:
@@ -67,11 +67,11 @@ class Lane:
 
     def __init__(self, name: str, clock: Clock, limits: LaneLimits | None = None) -> None:
         self.immediate = clock.manual
-        self._name = name
+        self._workers = clock.workers(name)
         self._limits = limits
         self._changed = threading.Condition()
         self._jobs: OrderedDict[object, deque[_Job]] = OrderedDict()  # by client, in the order of their turns
-        self._running = False  # the thread exists
+        self._has_turn = False  # the lane waits for its turn, or a job is in progress
         self._working = False  # a job is in progress
         self._closed = False
 
@@ -103,10 +103,9 @@ class Lane:
             if self._limits is not None:
                 self._require_room(client, self._limits)
             self._jobs.setdefault(client, deque()).append(_Job(job, done, monotonic()))
-            self._changed.notify_all()
-            if not self._running:
-                self._running = True
-                threading.Thread(target=self._work, name=self._name, daemon=True).start()
+            if not self._has_turn:
+                self._has_turn = True
+                self._workers.add(self._turn)
         return done
 
     def close(self, *, waits: bool = False) -> None:
@@ -114,12 +113,12 @@ class Lane:
         with self._changed:
             self._closed = True
             jobs, self._jobs = self._jobs, OrderedDict()
-            self._changed.notify_all()
         for job in chain.from_iterable(jobs.values()):
             job.done.set_exception(_switched_off())
         if waits:
             with self._changed:
                 self._changed.wait_for(lambda: not self._working, _CLOSING_TIME)
+        self._workers.end_idle()
 
     def _require_room(self, client: object, limits: LaneLimits) -> None:
         for each, jobs in list(self._jobs.items()):
@@ -131,15 +130,26 @@ class Lane:
         if len(self._jobs.get(client, ())) >= limits.of_client or sum(map(len, self._jobs.values())) >= limits.jobs:
             raise _busy()
 
-    def _work(self) -> None:
-        while (job := self._take()) is not None:
-            if not job.done.done():
-                try:
-                    self._require_in_time(job)
-                    job.done.set_result(job.run())
-                except BaseException as error:  # noqa: BLE001 - passed to the caller of the job
-                    job.done.set_exception(error)
-            del job  # frees the arguments and the result
+    def _turn(self) -> None:
+        """Run one job; then, if there are more, wait for the next turn."""
+        try:
+            self._run_next()
+        finally:
+            with self._changed:
+                self._working = False
+                self._changed.notify_all()
+                self._has_turn = bool(self._jobs)
+                if self._has_turn:
+                    self._workers.add(self._turn)
+
+    def _run_next(self) -> None:
+        job = self._take()
+        if job is not None and not job.done.done():
+            try:
+                self._require_in_time(job)
+                job.done.set_result(job.run())
+            except BaseException as error:  # noqa: BLE001 - passed to the caller of the job
+                job.done.set_exception(error)
 
     def _require_in_time(self, job: _Job) -> None:
         if self._limits is not None and monotonic() - job.since > self._limits.seconds:
@@ -147,10 +157,7 @@ class Lane:
 
     def _take(self) -> _Job | None:
         with self._changed:
-            self._working = False
-            self._changed.notify_all()
-            self._changed.wait_for(lambda: self._jobs or self._closed, _IDLE_TIME)
-            self._working = self._running = bool(self._jobs)
+            self._working = bool(self._jobs)
             return self._next() if self._jobs else None
 
     def _next(self) -> _Job:
