@@ -43,7 +43,8 @@ _WIDTH: Final = 1360
 _HEIGHTS: Final = range(760, 2001)
 _PAGE: Final = (_WIDTH, _HEIGHTS.start)
 _PHONE: Final = (400, 860)
-_LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to 256 colours
+_LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to the following number of colours
+_COLOURS: Final = 152
 _ATTEMPTS: Final = 6
 _PATIENCE: Final = 60_000  # ms
 _SETTLE: Final = 1_200  # ms
@@ -272,11 +273,11 @@ def store(png: bytes, path: Path) -> int:
 
 
 def _palette(picture: Image.Image) -> Image.Image:
-    """Return a palette of 256 colours, which contains the colours of states although they fill small areas."""
+    """Return a palette, which contains the colours of states although they fill small areas."""
     colours = [ImageColor.getrgb(name) for name in _STATE_COLOURS]
-    frequent = picture.quantize(256 - len(colours)).getpalette() or []
+    frequent = picture.quantize(_COLOURS - len(colours)).getpalette() or []
     palette = Image.new("P", (1, 1))
-    palette.putpalette(frequent[: 3 * (256 - len(colours))] + [part for colour in colours for part in colour])
+    palette.putpalette(frequent[: 3 * (_COLOURS - len(colours))] + [part for colour in colours for part in colour])
     return palette
 
 
