@@ -41,24 +41,27 @@ FAILED: Final = Path(__file__).parents[1] / "build" / "picture-failed.png"
 LANGUAGES: Final[tuple[Language, ...]] = ("en", "ja")
 _WIDTH: Final = 1360
 _HEIGHTS: Final = range(760, 2001)
+_PAGE: Final = (_WIDTH, _HEIGHTS.start)
 _PHONE: Final = (400, 860)
-_LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to 256 colours
+_LARGEST: Final = 150_000  # bytes of a picture; larger ones are reduced to the following number of colours
+_COLOURS: Final = 152
 _ATTEMPTS: Final = 6
 _PATIENCE: Final = 60_000  # ms
 _SETTLE: Final = 1_200  # ms
 _CHROMIUM: Final = (
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars",
-    "--force-color-profile=srgb", "--font-render-hinting=none",
+    "--disable-sync", "--hide-scrollbars", "--force-color-profile=srgb", "--font-render-hinting=none",
 )  # fmt: skip
 _STATE_COLOURS: Final = (
     "#ffffff", "#f5f7f9", "#18212b", "#0c1117", "#141b23", "#e0f2f7", "#0e7490", "#16a34a", "#15803d", "#d1eddb", "#4ade80", "#d97706", "#c81e1e", "#f87171", "#b45309", "#fbbf24", "#f2b705", "#3b82f6", "#dc2626",
 )  # fmt: skip
 _FILM: Final = (1280, 720)  # pixels of the page
 _FILM_WIDTH: Final = 900  # pixels of the animation
+_FILM_QUALITIES: Final = (72, 66, 60, 54, 48, 42)
+_LARGEST_FILM: Final = 264_000  # bytes
 _FRAME: Final = 100  # ms
 _SCENES: Final = (  # coordinates, button, seconds
-    (1, "z-", 1.6), (1, "y+", 1.8), (1, "x-", 1.2), (0, "j1-", 2.2), (0, "j3-", 1.2), (1, "z+", 1.2),
+    (1, "z-", 1.2), (1, "y+", 1.6), (1, "x-", 1.2), (0, "j1-", 2.2), (0, "j3-", 1.2), (1, "z+", 1.2),
 )  # fmt: skip
 _POINTER: Final = """
 addEventListener('DOMContentLoaded', () => {
@@ -153,23 +156,21 @@ class Studio:
         self.failed: list[str] = []
         self._url, self._folder = url, folder
         self._contexts = {
-            phone: browser.new_context(
-                locale="ja-JP" if language == "ja" else "en-US", device_scale_factor=2 if phone else 1,
-                viewport={"width": _PHONE[0] if phone else _WIDTH, "height": _PHONE[1] if phone else _HEIGHTS.start},
-                reduced_motion="reduce",
+            size: browser.new_context(
+                locale="ja-JP" if language == "ja" else "en-US", device_scale_factor=2 if size == _PHONE else 1,
+                viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce",
             )
-            for phone in (False, True)
+            for size in (_PAGE, _PHONE, _FILM)
         }  # fmt: skip
+        self._contexts[_PAGE].request.get(url)
         for context in self._contexts.values():
             context.set_default_timeout(_PATIENCE)
+            context.add_cookies(self._contexts[_PAGE].cookies())  # one user, because only one holds the controls
 
     @contextmanager
-    def page(self, path: str, *, dark: bool = False, phone: bool = False) -> Iterator[Any]:
-        """Open a page with the controller that it shows."""
-        context = self._contexts[phone]
-        if phone:  # the same user, because only one holds the controls
-            context.add_cookies(self._contexts[False].cookies())
-        page = context.new_page()
+    def page(self, path: str, *, dark: bool = False, size: tuple[int, int] = _PAGE) -> Iterator[Any]:
+        """Open a page with the controller that it shows; ``size`` is that of the window, in pixels."""
+        page = self._contexts[size].new_page()
         try:
             connection = translate(self.language, KINDS[kind_of(path)].label)
             query = urlencode({"lang": self.language, "dark": int(dark), "connection": connection})
@@ -184,7 +185,7 @@ class Studio:
         """Take a picture; try again if the page does not show what it should."""
         for attempt in range(1, _ATTEMPTS + 1):
             try:
-                with self.page(shot.path, dark=shot.dark, phone=shot.phone) as page:
+                with self.page(shot.path, dark=shot.dark, size=_PHONE if shot.phone else _PAGE) as page:
                     self._try(page, shot, attempt)
             except (NotShownError, PageError) as error:  # the page is loaded again if it was not heard
                 print(f"{shot.name}.{self.language}: attempt {attempt}: {error}".splitlines()[0], flush=True)
@@ -243,8 +244,7 @@ class Studio:
         self.failed.append(f"jogging.{self.language}")
 
     def _record(self, attempt: int) -> list[Frame]:
-        with self.page("/arm") as page:
-            page.set_viewport_size({"width": _FILM[0], "height": _FILM[1]})
+        with self.page("/arm", size=_FILM) as page:  # if a window is resized, the frames keep its first size
             page.add_init_script(_POINTER)
             page.reload()
             move_home(Visit(page, self.language, attempt, self.page, self._folder))
@@ -273,11 +273,11 @@ def store(png: bytes, path: Path) -> int:
 
 
 def _palette(picture: Image.Image) -> Image.Image:
-    """Return a palette of 256 colours, which contains the colours of states although they fill small areas."""
+    """Return a palette, which contains the colours of states although they fill small areas."""
     colours = [ImageColor.getrgb(name) for name in _STATE_COLOURS]
-    frequent = picture.quantize(256 - len(colours)).getpalette() or []
+    frequent = picture.quantize(_COLOURS - len(colours)).getpalette() or []
     palette = Image.new("P", (1, 1))
-    palette.putpalette(frequent[: 3 * (256 - len(colours))] + [part for colour in colours for part in colour])
+    palette.putpalette(frequent[: 3 * (_COLOURS - len(colours))] + [part for colour in colours for part in colour])
     return palette
 
 
@@ -319,7 +319,7 @@ def record(page: Any) -> list[Frame]:
 
 
 def store_film(frames: list[Frame], path: Path) -> None:
-    """Write frames as an animation in real time, which is repeated."""
+    """Write frames as an animation in real time, which is repeated, with the best quality that is not too large."""
     start, end = frames[0].time, frames[-1].time
     times = [start + number * _FRAME / 1000 for number in range(int((end - start) * 1000 / _FRAME) + 1)]
     pictures: list[Image.Image] = []
@@ -331,10 +331,13 @@ def store_film(frames: list[Frame], path: Path) -> None:
             Image.open(io.BytesIO(frames[index].data)).convert("RGB").resize(size, Image.Resampling.LANCZOS)
         )
     durations = [_FRAME] * (len(pictures) - 1) + [1200]
-    pictures[0].save(
-        path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, quality=72, method=4,
-        minimize_size=False, kmax=30,
-    )  # fmt: skip
+    for quality in _FILM_QUALITIES:
+        pictures[0].save(
+            path, save_all=True, append_images=pictures[1:], duration=durations, loop=0, quality=quality, method=4,
+            minimize_size=False, kmax=len(pictures),
+        )  # fmt: skip
+        if path.stat().st_size <= _LARGEST_FILM:
+            return
 
 
 def main() -> None:

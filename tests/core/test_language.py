@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from orinkit.core import i18n
+from orinkit.transport.link_errors import connect_failed, lost
 
 pytestmark = pytest.mark.core
 
@@ -95,3 +99,43 @@ def test_a_context_may_have_its_own_language():
     finally:
         i18n.set_source(None)
     assert i18n.current() == "en"
+
+
+@pytest.fixture
+def shown_in() -> Iterator[Callable[[i18n.Language, object], str]]:
+    """A function that displays something in a context with a language of its own; the language of the process is English."""
+    language: i18n.Language | None = None
+
+    def show(wanted: i18n.Language, what: object) -> str:
+        nonlocal language
+        language = wanted
+        shown = f"{what}"
+        language = None
+        return shown
+
+    i18n.set_source(lambda: language)
+    yield show
+    i18n.set_source(None)
+
+
+def test_an_error_is_shown_in_the_language_of_each_context(shown_in):
+    error = connect_failed("tcp://h:1", OSError(errno.ECONNREFUSED, "x"))  # created in the language of the process
+    assert shown_in("en", error).startswith("cannot connect to tcp://h:1: no program listens at this address. Try: ")
+    assert shown_in("ja", error).startswith("tcp://h:1 に接続できません")
+    assert "このアドレスで待ち受けているプログラムがありません" in shown_in("ja", error)
+    lost_again = lost(error)
+    assert shown_in("ja", lost_again).endswith(shown_in("ja", error))
+    assert "cannot" not in shown_in("ja", lost_again)
+
+
+def test_a_shared_text_is_a_string_in_the_language_in_which_it_was_created(shown_in):
+    text = i18n.tr("a serial port")
+    assert shown_in("ja", text) == "シリアルポート"
+    assert text == "a serial port"
+    assert {text: 1}["a serial port"] == 1
+    assert shown_in("ja", f"{text:.8}") == "a serial"
+    assert type(pickle.loads(pickle.dumps(text))) is str
+
+
+def test_programs_with_one_language_have_plain_strings():
+    assert type(i18n.tr("a serial port")) is str

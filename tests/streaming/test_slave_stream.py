@@ -110,6 +110,19 @@ def test_only_the_set_points_of_a_short_time_are_queued(session: Session, arm: A
     assert arm.within_limits()
 
 
+def test_a_long_trajectory_needs_no_memory_for_samples(session: Session, arm: Arm) -> None:
+    points = sine(2.0)
+
+    def body(stream: Any) -> None:
+        result = session.both.run(stream.run(points, keep_samples=False))
+        assert result.sent == len(points)
+        assert result.samples == ()
+        assert len(result.timing.gaps) > 200
+
+    session.stream(body)
+    assert arm.within_limits()
+
+
 def test_the_client_is_as_before_when_the_block_has_ended(session: Session, arm: Arm) -> None:
     def body(stream: Any) -> None:
         with pytest.raises(StreamError, match="slave mode"):

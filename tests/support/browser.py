@@ -23,7 +23,7 @@ needs_browser: Final = pytest.mark.skipif(
 )
 ARGUMENTS: Final = (
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-sync",
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal, Protocol, Self
 
 if TYPE_CHECKING:
     from gettext import NullTranslations
@@ -62,11 +62,42 @@ def set_source(source: Callable[[], Language | None] | None) -> None:
 def tr(message: str, /, **values: object) -> str:
     """Return a message in the current language.
 
+    In a program with users of both languages (:func:`set_source`), the result is translated again if it is displayed
+    in another context, for example by ``str()`` or as the text of an exception.
+
     Args:
         message: English text, a literal, with placeholders as for ``str.format``.
         values: Values of the placeholders. Without values, braces in the message are literal.
     """
-    return translate(current(), message, **values)
+    text = translate(current(), message, **values)
+    return _SharedText(text, message, values) if _source is not None else text
+
+
+class _SharedText(str):
+    """A message that may be displayed in other languages than the one in which it was created.
+
+    An exception of a connection that several users share is created once, in the language of one user or of the process.
+    As a string, a message has that language; ``str()`` and ``format()`` return it in the current one.
+    """
+
+    __slots__ = ("_message", "_values")
+
+    _message: str
+    _values: dict[str, object]
+
+    def __new__(cls, text: str, message: str, values: dict[str, object]) -> Self:
+        self = super().__new__(cls, text)
+        self._message, self._values = message, values
+        return self
+
+    def __str__(self) -> str:
+        return translate(current(), self._message, **self._values)
+
+    def __format__(self, specification: str) -> str:
+        return format(str(self), specification)
+
+    def __reduce__(self) -> tuple[type[str], tuple[str]]:  # the values may not be picklable
+        return str, (str(self),)
 
 
 def choose(en: str, ja: str) -> str:

@@ -77,6 +77,7 @@ class AsyncStream(AsyncSlaveMode):
         retime: bool = False,
         progress: Callable[[Progress], object] | None = None,
         ahead: float | None = None,
+        keep_samples: bool = True,
     ) -> StreamResult:
         """Send a trajectory, one set-point per cycle, and wait for standstill at its end.
 
@@ -89,6 +90,7 @@ class AsyncStream(AsyncSlaveMode):
             ahead: Time in s, at least 0.1, for which set-points are queued in the streaming process: if this program
                 hangs, the arm continues for this time, and then stops within the limits. By default, as many set-points
                 are queued as possible, those of 32 s.
+            keep_samples: False for long trajectories: the result contains no samples, which take 1 kB each.
 
         Returns:
             The number of set-points sent, the samples and the timing.
@@ -110,7 +112,7 @@ class AsyncStream(AsyncSlaveMode):
         else:
             ready = self._prepare(trajectory, retime=retime)
             points, total = iter(()), len(ready)
-        run = common.TrajectoryRun(streaming.shared, total, progress)
+        run = common.TrajectoryRun(streaming.shared, total, progress, keep_samples=keep_samples)
         try:
             sent = await self._feed(ready, points, run, room)
             while run.sent < sent or not run.shared.settled:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from array import array
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from threading import Event, Thread
 from time import time_ns
@@ -109,7 +109,8 @@ class StreamResult:
         sent: Number of set-points of the trajectory that were sent.
         underflows: Number of times that the queue of set-points was empty while the arm moved, so that the arm was
             stopped. This is possible only if the set-points come from an iterator, or with ``ahead``.
-        samples: Set-points and feedback, from the first set-point to standstill of the arm.
+        samples: Set-points and feedback, from the first set-point to standstill of the arm; empty with
+            ``keep_samples=False``.
         missed: Number of samples that were overwritten before they were read.
         timing: Statistics of the time between successive set-points.
         late: Late set-points, counted by virtual controllers only. For each late set-point, the virtual controller
@@ -132,11 +133,6 @@ class StreamResult:
             timing=self.timing,
         )
         return tr("{first}; {second}", first=text, second=self.late) if self.late.count else text
-
-
-def timing_of(samples: Iterable[Sample]) -> Timing:
-    """Return the gaps between successive samples; a gap in which samples were overwritten unread is omitted."""
-    return Timing(tuple(b.sent - a.sent for a, b in pairwise(samples) if b.number == a.number + 1))
 
 
 def ended_because(reason: str, idle: float | None) -> StreamError:
@@ -260,14 +256,25 @@ class TrajectoryRun:
         shared: Memory that contains the queue of set-points.
         total: Number of set-points; ``None`` if unknown.
         progress: Callback invoked with the progress.
+        keep_samples: False if the result does not contain the samples.
     """
 
-    def __init__(self, shared: StreamMemory, total: int | None, progress: Callable[[Progress], object] | None) -> None:
+    def __init__(
+        self,
+        shared: StreamMemory,
+        total: int | None,
+        progress: Callable[[Progress], object] | None,
+        *,
+        keep_samples: bool = True,
+    ) -> None:
         self.shared = shared
         self._total = total
         self._progress = progress
         self._reader = SampleReader(shared, shared.samples)
+        self._keeps = keep_samples
         self._samples: list[Sample] = []
+        self._latest: Sample | None = None
+        self._gaps = array("d")  # s; if samples were overwritten unread, the gap is omitted
         self._before, self._dry, self._first = shared.taken, shared.underflows, shared.written
         self._late_before = self._late_seen = shared.lateness
         self._max_lateness = 0.0  # s
@@ -313,10 +320,17 @@ class TrajectoryRun:
             self._progress(Progress(sent, self._total))
         samples, missed, late, before = tuple(self._samples), self._reader.missed, self._late_seen, self._late_before
         lateness = Lateness(late.count - before.count, self._max_lateness, late.total - before.total)
-        return StreamResult(sent, self.shared.underflows - self._dry, samples, missed, timing_of(samples), lateness)
+        return StreamResult(
+            sent, self.shared.underflows - self._dry, samples, missed, Timing(tuple(self._gaps)), lateness
+        )
 
     def _read(self) -> None:
-        self._samples.extend(self._reader.new())
+        for sample in self._reader.new():
+            before, self._latest = self._latest, sample
+            if before is not None and sample.number == before.number + 1:
+                self._gaps.append(sample.sent - before.sent)
+            if self._keeps:
+                self._samples.append(sample)
         late = self.shared.lateness
         if late.count != self._late_seen.count:
             self._late_seen, self._max_lateness = late, max(self._max_lateness, late.longest)

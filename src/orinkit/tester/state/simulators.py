@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from orinkit.core.errors import ConnectFailed, InvalidValue
-from orinkit.core.i18n import N_, tr
+from orinkit.core.i18n import N_, current, tr, translate
 from orinkit.tester.state.connection_spec import ConnectionSpec
 
 MAX_SIMULATORS: Final = 8
@@ -121,7 +121,8 @@ class Simulators:
             output = (await process.stderr.read(_SHOWN)).decode(errors="replace") if process.stderr else ""
             raise ConnectFailed(tr("{name} did not start: {output}", name=tr(kind.label), output=output)) from None
         number = self._numbers[key] = self._numbers.get(key, 0) + 1
-        name = tr(kind.label) if number == 1 else f"{tr(kind.label)} {number}"
+        label = translate(current(), kind.label)  # a name, which must not change with the language of a page
+        name = label if number == 1 else f"{label} {number}"
         spec = ConnectionSpec(
             name, lines["ready"], provider=kind.provider, control=lines.get("ready control", ""),
             secret=lines.get("control secret", ""),

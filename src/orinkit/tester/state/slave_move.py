@@ -229,7 +229,9 @@ class SlaveMove:
             self._check()
             self.sent = 0
             # An iterator: all set-points have been checked, in a thread; checking them again here would block the Tester.
-            self.result = await stream.run(iter(self.trajectory.points), progress=self._progress, ahead=_AHEAD)
+            self.result = await stream.run(
+                iter(self.trajectory.points), progress=self._progress, ahead=_AHEAD, keep_samples=False
+            )
             if not self.options.repeat:
                 return
             await self._go_to_first(stream)

@@ -66,7 +66,7 @@ class SlaveTrace:
         self.queued = 0
         self.missed = False
         self.recordings: list[Path] = []
-        self.problem = ""
+        self.problem: Exception | str = ""
         self._histogram: Counter[int] = Counter()
         self._points: list[TracePoint] = []
         self._recent: deque[TracePoint] = deque(maxlen=_RECENT)
@@ -82,7 +82,7 @@ class SlaveTrace:
             try:
                 recorder = open_recorder(path, kind=self.kind, period=self.period, start_ns=time_ns())
             except (OrinError, MissingExtra) as error:
-                self.problem = str(error)
+                self.problem = error
                 continue
             self._recorders.append(recorder)
             self.recordings.append(path)

@@ -5,6 +5,7 @@ The socket is connected, so that the system drops datagrams from other addresses
 
 from __future__ import annotations
 
+import errno
 import socket
 from collections.abc import Iterable
 from time import monotonic
@@ -122,8 +123,7 @@ def broken(address: Address, error: OSError, *, heard: bool) -> TransportError:
     """
     refused = isinstance(error, ConnectionRefusedError | ConnectionResetError)
     if not heard:
-        nobody = tr("no program listens at this address")
-        return connect_failed(address, OSError(nobody) if refused else error)
+        return connect_failed(address, OSError(errno.ECONNREFUSED, "") if refused else error)
     if not refused:
         return lost(error)
     return lost(tr("the program at {address} has stopped listening", address=address))

@@ -131,7 +131,7 @@ class DriveCard:
         self._switch.text = tr("Disable driving") if drive.active else tr("Enable driving")
         self._switch.props("color=primary" if not drive.active else "color=grey-7")
         self._switch.set_enabled(drive.state not in (MotionState.STARTING, MotionState.ENDING))
-        self._message.text = drive.message or self._hint()
+        self._message.text = f"{drive.message}" or self._hint()
         self._message.classes(replace="ok-jog-message" + (" ok-jog-notice" if drive.message else ""))
         if drive.error is not self._shown_error:
             self._errors.show(drive.error)

@@ -8,6 +8,7 @@ from orinkit.core.i18n import tr
 from orinkit.tester.state.arm.cell import ArmCell
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.session import PageSession
+from orinkit.tester.ui.slider import percent_slider
 
 _REFRESH = 0.3  # s
 
@@ -29,9 +30,7 @@ class ArmControls:
             clear = _button(tr("Clear errors"), "restart_alt", "clear-errors")
         with ui.element("div").classes("ok-row ok-speed-row") as row:
             ui.label(tr("External speed")).classes("ok-dim")
-            self._slider = ui.slider(min=1, max=100, step=1, value=100).props(
-                f'aria-label="{tr("External speed in %")}" data-testid=ext-speed'
-            )
+            self._slider = percent_slider(tr("External speed in %"), "ext-speed", 100)
             self._text = ui.label().classes("ok-value ok-percent")
         self._row = row
         self._errors = ErrorBox("error-controls")

@@ -15,6 +15,7 @@ from orinkit.tester.state.held_motion import IDLE, MotionState
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.hold import HoldControl, hold_button, parsed_key
 from orinkit.tester.ui.session import PageSession
+from orinkit.tester.ui.slider import percent_slider
 
 _REFRESH = 0.1  # s
 _KEY = re.compile(r"([1-8])([+-])")
@@ -70,8 +71,7 @@ class JogCard:
         self._frame.props(f'no-caps unelevated dense spread data-testid=jog-frame aria-label="{tr("Coordinates")}"')
         with ui.element("div").classes("ok-row ok-speed-row"):
             ui.label(tr("Speed")).classes("ok-dim")
-            self._speed = ui.slider(min=1, max=100, step=1, value=20)
-            self._speed.props(f'aria-label="{tr("Jogging speed in %")}" data-testid=jog-speed')
+            self._speed = percent_slider(tr("Jogging speed in %"), "jog-speed", 20)
             ui.label().bind_text_from(self._speed, "value", lambda value: f"{value:g} %").classes("ok-value ok-percent")
         with ui.element("div").classes("ok-row"):
             ui.label(tr("Step")).classes("ok-dim")
@@ -141,7 +141,7 @@ class JogCard:
         self._switch.text = tr("Disable jogging") if jogging.active else tr("Enable jogging")
         self._switch.props("color=primary" if not jogging.active else "color=grey-7")
         self._switch.set_enabled(jogging.state not in (MotionState.STARTING, MotionState.ENDING))
-        self._message.text = jogging.message or (
+        self._message.text = f"{jogging.message}" or (
             tr(
                 "Enable jogging takes the arm and enters slave mode. It ends after {seconds:g} s without use.",
                 seconds=IDLE,

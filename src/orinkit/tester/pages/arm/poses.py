@@ -10,6 +10,7 @@ from orinkit.tester.state.arm.cell import ArmCell
 from orinkit.tester.state.arm.poses import LONGEST_NAME, StoredPose
 from orinkit.tester.ui.errors import ErrorBox
 from orinkit.tester.ui.session import PageSession, notify
+from orinkit.tester.ui.slider import percent_slider
 
 _REFRESH = 0.5  # s
 
@@ -35,8 +36,7 @@ class PosesCard:
                 save = ui.button(tr("Save"), icon="add_location_alt").props("outline no-caps data-testid=pose-save")
             with ui.element("div").classes("ok-row ok-speed-row"):
                 ui.label(tr("Speed")).classes("ok-dim")
-                self._speed = ui.slider(min=1, max=100, step=1, value=20)
-                self._speed.props(f'aria-label="{tr("Speed of motions to poses in %")}" data-testid=pose-speed')
+                self._speed = percent_slider(tr("Speed of motions to poses in %"), "pose-speed", 20)
                 ui.label().bind_text_from(self._speed, "value", lambda value: f"{value:g} %").classes(
                     "ok-value ok-percent"
                 )

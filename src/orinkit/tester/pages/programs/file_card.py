@@ -54,7 +54,8 @@ class FileCard:
             self._filter = ui.input(placeholder=tr("Filter"), on_change=self._show).props("outlined dense clearable")
             self._filter.props("maxlength=100").props["aria-label"] = tr("Filter")
             self._errors = ErrorBox("error-files")
-            self._list = ui.element("div").classes("ok-file-list").props("role=list data-testid=file-list")
+            self._list = ui.element("div").classes("ok-file-list").props("role=group data-testid=file-list")
+            self._list.props["aria-label"] = tr("Files")
             with ui.element("div").classes("ok-row ok-file-actions"):
                 self._actions = [
                     self._button("drive_file_rename_outline", tr("Rename"), "rename", self._rename),
@@ -122,7 +123,7 @@ class FileCard:
             button.classes("ok-selected").props("aria-current=true")
 
     def _row(self, icon: str, name: str, handler: Callable[[], Awaitable[None]]) -> ui.element:
-        button = ui.element("button").classes("ok-file").props("type=button role=listitem")
+        button = ui.element("button").classes("ok-file").props("type=button")
         with button:
             ui.icon(icon)
             ui.label(name)

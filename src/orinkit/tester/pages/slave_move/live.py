@@ -103,6 +103,6 @@ class LiveCard:
             full=trace.buffer_full,
         )
         self._result.text = f"{move.result}" if move.result is not None else ""
-        self._problem.text = trace.problem
+        self._problem.text = f"{trace.problem}"
         for suffix, button in self._downloads.items():
             button.visible = move.finished and any(path.suffix == f".{suffix}" for path in trace.recordings)
