@@ -22,7 +22,9 @@ import orinkit
 from measuring import on_core
 from orinkit import aio, functions
 from orinkit.bcap import packet
+from orinkit.bcap.requests import request_template
 from orinkit.values import codec
+from orinkit.values.codec import DEFAULT_LIMITS
 from packets import ARGUMENTS, POSE, REPLY, REQUEST, VALUE, encode_request
 
 PREPARE = "prepare"
@@ -83,8 +85,16 @@ def synchronous(port: int) -> dict[str, Callable[[], object]]:
         "call": partial(client.call, functions.robot_execute, *ARGUMENTS),
         **natural(orinkit.connect(url)),
         "encode": partial(repeated, partial(encode_request, functions.robot_execute, ARGUMENTS, 1)),
+        "encode prepared": partial(repeated, partial(prepared_packet(), 1, POSE)),
         "decode": partial(repeated, partial(codec.decode, REPLY, body, end)),
     }
+
+
+def prepared_packet() -> Callable[[int, Any], object]:
+    """Return the function that creates the packets of ``robot.execute("slvMove", pose)``."""
+    template = request_template(functions.robot_execute, ARGUMENTS[:2], DEFAULT_LIMITS.packet)
+    assert template is not None
+    return template.request
 
 
 def repeated(action: Callable[[], object]) -> None:
@@ -176,7 +186,7 @@ def obey(names: list[str], perform: Callable[[str, int, int], list[int]]) -> Non
     for line in sys.stdin:
         name, count, interval = json.loads(line)
         samples = perform(name, count, interval)
-        if name in ("encode", "decode"):
+        if name in ("encode", "encode prepared", "decode"):
             samples = [round(each / BATCH) for each in samples]
         print(*samples, flush=True)
 

@@ -21,8 +21,8 @@ class Row:
         unit: Unit of ``value``, ``p99``, ``reference`` and ``added``.
         p99: 99th percentile, if the result is a time.
         reference: Result of the reference in the same run.
-        ratio: ``value`` divided by ``reference``.
-        added: ``value`` minus ``reference``.
+        ratio: ``value`` divided by ``reference``, or the median of such ratios.
+        added: ``value`` minus ``reference``, or the median of such differences.
         goal: The goal as text.
         met: ``"met"``, ``"NOT MET"``, or ``""`` without a goal.
         note: Further information.
@@ -53,10 +53,13 @@ class Results:
 
     def compared(
         self, what: str, value: float, reference: float, unit: str, *, p99: float | None = None, goal: str = "",
-        met: bool | None = None, note: str = "",
+        met: bool | None = None, note: str = "", ratio: float | None = None, added: float | None = None,
     ) -> None:  # fmt: skip
-        """Add a result beside its reference."""
-        ratio, added = (value / reference if reference else None), value - reference
+        """Add a result beside its reference. Ratio and difference may have been measured in pairs."""
+        if ratio is None:
+            ratio = value / reference if reference else None
+        if added is None:
+            added = value - reference
         self.add(Row(what, value, unit, p99, reference, ratio, added, goal, judged(met), note))
 
     def limited(self, what: str, value: float, unit: str, most: float | None, note: str = "") -> None:

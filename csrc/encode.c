@@ -365,6 +365,11 @@ Outcome put_value(State *state, Writer *writer, PyObject *value, bool plain, int
     return UNUSUAL;
 }
 
+Outcome put_plain(State *state, Writer *writer, int base, PyObject *value)
+{
+    return put_scalar(state, writer, base, value, 4, 0);
+}
+
 void put_length(Writer *writer, size_t start)
 {
     store_u32(writer->start + start, (uint32_t)(writer->size - start - 4));

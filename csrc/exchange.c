@@ -14,7 +14,6 @@
 #define RECEIVED_MOST 8192 /* a larger reply is continued in Python */
 #define S_EXECUTING 0x900
 #define FAILURE 0x80000000
-#define CAPSULE "orinkit.template"
 
 /* --- time ---------------------------------------------------------------------------------------------------------- */
 
@@ -40,68 +39,6 @@ PyObject *set_timeout(PyObject *module, PyObject *arguments)
     if (setsockopt(descriptor, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit) < 0)
         return PyErr_SetFromErrno(PyExc_OSError);
     Py_RETURN_NONE;
-}
-
-/* --- templates ----------------------------------------------------------------------------------------------------- */
-
-/* The constant part of the packets of a prepared call. */
-typedef struct {
-    long most;     /* largest size of a packet */
-    bool varies;   /* there is a varying argument */
-    size_t size;   /* bytes of start */
-    uint8_t start[]; /* header and constant arguments; length and serial are filled in for each call */
-} Template;
-
-static void free_template(PyObject *capsule) { PyMem_Free(PyCapsule_GetPointer(capsule, CAPSULE)); }
-
-/* native_template(function_id, count, constants, varies, most): return an object for RequestTemplate.native. */
-PyObject *native_template(PyObject *module, PyObject *arguments)
-{
-    (void)module;
-    unsigned int function;
-    unsigned short number;
-    PyObject *constants;
-    int varies;
-    long most;
-    if (!PyArg_ParseTuple(arguments, "IHSpl:native_template", &function, &number, &constants, &varies, &most))
-        return NULL;
-    size_t size = (size_t)PyBytes_GET_SIZE(constants);
-    Template *template = PyMem_Calloc(1, sizeof *template + PACKET_HEAD + size);
-    if (template == NULL)
-        return PyErr_NoMemory();
-    template->most = most;
-    template->varies = varies;
-    template->size = PACKET_HEAD + size;
-    template->start[0] = 0x01;
-    store_u32(template->start + 9, function);
-    store_u16(template->start + 13, number);
-    memcpy(template->start + PACKET_HEAD, PyBytes_AS_STRING(constants), size);
-    PyObject *capsule = PyCapsule_New(template, CAPSULE, free_template);
-    if (capsule == NULL)
-        PyMem_Free(template);
-    return capsule;
-}
-
-/* Write the packet of a call. UNUSUAL: the Python code converts the value, for example a pose, or reports its error. */
-static Outcome write_request(State *state, const Template *template, PyObject *value, uint16_t serial, Writer *writer)
-{
-    if (!template->varies && value != Py_None)
-        return UNUSUAL;
-    Outcome outcome = writer_add(writer, template->start, template->size);
-    if (outcome == DONE && template->varies) {
-        outcome = writer_add(writer, "\0\0\0\0", 4);
-        if (outcome == DONE)
-            outcome = put_value(state, writer, value, true, 0);
-        if (outcome == DONE)
-            put_length(writer, template->size);
-    }
-    if (outcome == DONE)
-        outcome = writer_add(writer, "\x04", 1);
-    if (outcome != DONE || writer->size > (size_t)template->most)
-        return outcome == FAILED ? FAILED : UNUSUAL;
-    store_u32(writer->start + 1, (uint32_t)writer->size);
-    store_u16(writer->start + 5, serial);
-    return DONE;
 }
 
 /* --- system calls -------------------------------------------------------------------------------------------------- */
@@ -370,7 +307,7 @@ static const Template *template_of(State *state, PyObject *object)
     PyObject *capsule = PyObject_GetAttr(object, state->n_native);
     if (capsule == NULL)
         return NULL;
-    const Template *template = PyCapsule_CheckExact(capsule) ? PyCapsule_GetPointer(capsule, CAPSULE) : NULL;
+    const Template *template = template_in(capsule);
     Py_DECREF(capsule); /* the RequestTemplate keeps it */
     return template;
 }
@@ -405,7 +342,7 @@ static PyObject *perform_prepared(State *state, Exchange *exchange, const Templa
         return outcome == FAILED ? NULL : Py_NewRef(Py_None);
     Writer writer;
     writer_begin(&writer);
-    outcome = write_request(state, template, value, (uint16_t)serial, &writer);
+    outcome = put_prepared(state, template, value, (uint16_t)serial, &writer);
     if (outcome == UNUSUAL) {
         result = Py_NewRef(Py_None); /* no layout for the value; nothing was sent, and no serial was used */
     } else if (outcome == DONE && use_serial(state, exchange, serial) == DONE && read_descriptor(state, exchange) == DONE) {

@@ -2,7 +2,8 @@
 #include "speedups.h"
 
 static const char *const NAMES[FUNCTIONS] = {
-    "encode", "encode_variant", "encode_integer", "encode_string", "encode_single", "decode", "call", "call_prepared",
+    "encode", "encode_variant", "encode_integer", "encode_string", "encode_single", "decode", "encode_request",
+    "call", "call_prepared",
 };
 
 PyObject *in_python(State *state, FunctionNumber number, PyObject *const *arguments, Py_ssize_t count, PyObject *names)
@@ -54,6 +55,14 @@ static PyObject *set_exchange(PyObject *module, PyObject *const *arguments, Py_s
     return keep(places, arguments, count, 4);
 }
 
+static PyObject *set_requests(PyObject *module, PyObject *argument_types)
+{
+    if (!PyDict_CheckExact(argument_types))
+        return PyErr_Format(PyExc_TypeError, "set_requests() takes a dict");
+    PyObject **places[] = {&state_of(module)->argument_types};
+    return keep(places, &argument_types, 1, 1);
+}
+
 #define WITH_COUNT(function) (PyCFunction)(void (*)(void))(function)
 
 static PyMethodDef FUNCTIONS_TABLE[] = {
@@ -65,9 +74,12 @@ static PyMethodDef FUNCTIONS_TABLE[] = {
     {"decode", WITH_COUNT(decode), METH_FASTCALL | METH_KEYWORDS, NULL},
     {"replaced", WITH_COUNT(replaced), METH_FASTCALL, NULL},
     {"set_codec", WITH_COUNT(set_codec), METH_FASTCALL, NULL},
+    {"encode_request", WITH_COUNT(encode_request), METH_FASTCALL | METH_KEYWORDS, NULL},
+    {"native_template", native_template, METH_VARARGS, NULL},
+    {"native_request", WITH_COUNT(native_request), METH_FASTCALL, NULL},
+    {"set_requests", set_requests, METH_O, NULL},
     {"set_exchange", WITH_COUNT(set_exchange), METH_FASTCALL, NULL},
 #ifdef WITH_EXCHANGE
-    {"native_template", native_template, METH_VARARGS, NULL},
     {"set_timeout", set_timeout, METH_VARARGS, NULL},
     {"call", WITH_COUNT(call), METH_FASTCALL, NULL},
     {"call_prepared", WITH_COUNT(call_prepared), METH_FASTCALL, NULL},
@@ -98,7 +110,7 @@ static int execute(PyObject *module)
 {
     State *s = state_of(module);
     const struct { PyObject **place; const char *text; } names[] = {
-        {&s->n_type, "type"}, {&s->n_value, "value"}, {&s->n_packet, "packet"}, {&s->n_depth, "depth"},
+        {&s->n_id, "id"}, {&s->n_type, "type"}, {&s->n_value, "value"}, {&s->n_packet, "packet"}, {&s->n_depth, "depth"},
         {&s->n_variants, "variants"}, {&s->n_vt_error_size, "vt_error_size"}, {&s->n_serial, "_serial"},
         {&s->n_limits, "_limits"}, {&s->n_begin, "begin"}, {&s->n_finish, "finish"}, {&s->n_result, "result"},
         {&s->n_native, "native"}, {&s->n_descriptor, "descriptor"}, {&s->n_kernel_seconds, "kernel_seconds"},

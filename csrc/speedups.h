@@ -47,7 +47,8 @@ typedef struct {
 } Limits;
 
 typedef enum {
-    ENCODE, ENCODE_VARIANT, ENCODE_INTEGER, ENCODE_STRING, ENCODE_SINGLE, DECODE, CALL, CALL_PREPARED, FUNCTIONS
+    ENCODE, ENCODE_VARIANT, ENCODE_INTEGER, ENCODE_STRING, ENCODE_SINGLE, DECODE, ENCODE_REQUEST, CALL, CALL_PREPARED,
+    FUNCTIONS
 } FunctionNumber;
 
 typedef struct {
@@ -60,8 +61,9 @@ typedef struct {
     PyObject *amount_to_wire, *date_to_wire, *amount_from_wire, *date_from_wire, *date_from_wire_exact;
     /* objects of orinkit.transport.direct and orinkit.values.types, passed to set_exchange() */
     PyObject *unfinished, *result_variant, *result_integer, *result_string;
+    PyObject *argument_types; /* dict of orinkit.bcap.requests, passed to set_requests() */
     /* names of attributes and methods */
-    PyObject *n_type, *n_value, *n_packet, *n_depth, *n_variants, *n_vt_error_size;
+    PyObject *n_id, *n_type, *n_value, *n_packet, *n_depth, *n_variants, *n_vt_error_size;
     PyObject *n_serial, *n_limits, *n_begin, *n_finish, *n_result, *n_native;
     PyObject *n_descriptor, *n_kernel_seconds, *n_use_kernel_timeout, *n_finish_exchange, *n_fail;
 } State;
@@ -92,6 +94,8 @@ static inline void store_u32(uint8_t *at, uint32_t number) { memcpy(at, &number,
 
 /* Append type, count and data of a value; with plain, refuse Variant objects anywhere in the value. */
 Outcome put_value(State *state, Writer *writer, PyObject *value, bool plain, int depth);
+/* Append type, count and data of a value of a simple type. */
+Outcome put_plain(State *state, Writer *writer, int base, PyObject *value);
 /* Fill in the length of an argument that was appended behind four free bytes at start. */
 void put_length(Writer *writer, size_t start);
 
@@ -108,11 +112,29 @@ PyObject *encode_string(PyObject *module, PyObject *value);
 PyObject *encode_single(PyObject *module, PyObject *value);
 PyObject *decode(PyObject *module, PyObject *const *arguments, Py_ssize_t count, PyObject *names);
 
+/* --- requests ------------------------------------------------------------------------------------------------------ */
+
+/* The constant part of the packets of a prepared call. */
+typedef struct {
+    long most;       /* largest size of a packet */
+    bool varies;     /* there is a varying argument */
+    size_t size;     /* bytes of start */
+    uint8_t start[]; /* header and constant arguments; length and serial are filled in for each call */
+} Template;
+
+/* Return the template in an object of native_template(); NULL for another object. */
+const Template *template_in(PyObject *capsule);
+/* Write the packet of a call. UNUSUAL: the Python code converts the value, for example a pose, or reports its error. */
+Outcome put_prepared(State *state, const Template *template, PyObject *value, uint16_t serial, Writer *writer);
+
+PyObject *encode_request(PyObject *module, PyObject *const *arguments, Py_ssize_t count, PyObject *names);
+PyObject *native_template(PyObject *module, PyObject *arguments);
+PyObject *native_request(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
+
 /* --- exchange ------------------------------------------------------------------------------------------------------ */
 
 #ifdef __linux__ /* elsewhere, the time-out of sockets and the clock of Python are others */
 #define WITH_EXCHANGE 1
-PyObject *native_template(PyObject *module, PyObject *arguments);
 PyObject *set_timeout(PyObject *module, PyObject *arguments);
 PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count);

@@ -17,6 +17,7 @@ from orinkit.cao import functions as f
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.errors import InvalidValue, OrinError
+from orinkit.core.speedups import EXTENSION
 from orinkit.values.codec import PacketLimits
 from orinkit.values.variant import ARRAY, Variant, VarType
 from support.strategies import variants
@@ -249,7 +250,16 @@ def test_lists_of_float_numbers_and_none_have_templates() -> None:
     assert template is not None
     for value in ([0.5], (0.5,) * 8, [0.5] * 64, 1, 0.5, None):
         assert call.begin_prepared(template, value) is not None
-    for value in (True, "text", [1], [0.5] * 65, [], b"", [0.5, 1], Variant(VarType.I2, 1), 2**31):
+    for value in (Variant(VarType.I2, 1), 2**31, object(), 1j):
+        assert call.begin_prepared(template, value) is None
+
+
+@pytest.mark.skipif(EXTENSION is not None, reason="the extension in C needs no layouts")
+def test_other_lists_and_texts_have_no_templates_in_python() -> None:
+    call = new()
+    template = call.template(f.robot_execute, (3, "slvMove"))
+    assert template is not None
+    for value in (True, "text", [1], [0.5] * 65, [], b"", [0.5, 1]):
         assert call.begin_prepared(template, value) is None
 
 

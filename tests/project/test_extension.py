@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from orinkit.bcap import requests
 from orinkit.core import i18n, speedups
 from orinkit.values import codec
 from support.speedups import needs_extension
@@ -55,10 +56,13 @@ def test_each_function_in_c_has_a_counterpart_in_python():
 
     names = set(speedups.PURE)
     assert names == {
-        "encode", "encode_variant", "encode_integer", "encode_string", "encode_single", "decode", "call", "call_prepared"
+        "encode", "encode_variant", "encode_integer", "encode_string", "encode_single", "decode",
+        "encode_request", "call", "call_prepared",
     }  # fmt: skip
     for name in names:
-        module = orinkit.transport.direct if name.startswith("call") else codec
+        module = (
+            orinkit.transport.direct if name.startswith("call") else requests if name == "encode_request" else codec
+        )
         assert getattr(module, name) is not speedups.PURE[name] or not hasattr(speedups.EXTENSION, name)
 
 

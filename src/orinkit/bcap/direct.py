@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
-from orinkit.core.speedups import native_template
+from orinkit.core.speedups import native_request, native_template
 from orinkit.values.types import R8_ARRAY, VarType
 
 MOST_ITEMS: Final = 64
@@ -60,10 +60,14 @@ class RequestTemplate:
     def request(self, serial: int, value: Any = None) -> bytes | None:
         """Return the packet of a call; ``None`` if there is no layout for the types in ``value``.
 
+        The extension in C needs no layouts, and returns the packet for more types.
+
         Args:
             serial: serial of the request.
             value: varying argument; ``None`` for VT_EMPTY, and for a call without a varying argument.
         """
+        if native_request is not None:
+            return native_request(self.native, serial, value)
         kind: Any = type(value)
         if kind is list or kind is tuple:
             kinds = tuple(map(type, value))

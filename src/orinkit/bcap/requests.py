@@ -11,13 +11,16 @@ from orinkit.bcap.direct import RequestTemplate
 from orinkit.cao.table import Argument, Function
 from orinkit.cao.user_functions import MOST_ARGUMENTS, is_user_function
 from orinkit.core.errors import InvalidValue
+from orinkit.core.speedups import EXTENSION, replaced_in_c
 from orinkit.values import codec
 from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.values.variant import VarType, variant
 
 _HEADER: Final = packet.HEADER.pack
+_VT_ERROR_SIZE: Final = DEFAULT_LIMITS.vt_error_size
 
 
+@replaced_in_c
 def encode_request(
     function: Function[..., Any],
     arguments: tuple[Any, ...],
@@ -25,7 +28,7 @@ def encode_request(
     reserved: int = 0,
     *,
     crc: bool = False,
-    vt_error_size: int = DEFAULT_LIMITS.vt_error_size,
+    vt_error_size: int = _VT_ERROR_SIZE,
 ) -> bytes:
     """Return the packet of a call.
 
@@ -41,7 +44,7 @@ def encode_request(
         InvalidValue: If an argument does not fit its type; the message names the function and the argument.
     """
     encoders = _ENCODERS.get(function.id) or _make_encoders(function)
-    if vt_error_size != DEFAULT_LIMITS.vt_error_size:
+    if vt_error_size != _VT_ERROR_SIZE:
         encoders = tuple(_sized(each, vt_error_size) for each in encoders)
     try:
         body = b"".join(map(_apply, encoders, arguments))  # map() stops at the first omitted optional argument
@@ -49,8 +52,7 @@ def encode_request(
         raise _argument_error(function, arguments, error) from None
     if crc:
         return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
-    head = _HEADER(packet.SOH, len(body) + packet.OVERHEAD, serial, reserved, function.id, len(arguments))
-    return head + body + b"\x04"
+    return b"%b%b\x04" % (_HEADER(1, len(body) + 16, serial, reserved, function.id, len(arguments)), body)
 
 
 _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
@@ -60,14 +62,20 @@ _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
     VarType.VARIANT: codec.encode,
 }
 _ENCODERS: Final[dict[int, tuple[Callable[[Any], bytes], ...]]] = {}
+_ARGUMENT_TYPES: Final[dict[int, bytes]] = {}  # for the counterpart in C: one byte per argument
+if EXTENSION is not None:
+    EXTENSION.set_requests(_ARGUMENT_TYPES)
 
 
 def _make_encoders(function: Function[..., Any]) -> tuple[Callable[[Any], bytes], ...]:
     if is_user_function(function.id):  # calls of the same function may have different numbers of arguments
         encoders: tuple[Callable[[Any], bytes], ...] = (codec.encode,) * MOST_ARGUMENTS
+        types = bytes((VarType.VARIANT,)) * MOST_ARGUMENTS
     else:
         encoders = tuple(map(_encoder, function.arguments))
+        types = bytes(each.vt for each in function.arguments)
     _ENCODERS[function.id] = encoders
+    _ARGUMENT_TYPES[function.id] = types
     return encoders
 
 

@@ -45,7 +45,7 @@ def replaced_in_c(function: F) -> F:
 
 
 def native_template(function_id: int, count: int, constants: bytes, varies: bool, most: int) -> object:
-    """Return the template of a prepared call for ``call_prepared`` in C; ``None`` if this function is not used.
+    """Return the template of a prepared call for the functions in C; ``None`` if the extension is not used.
 
     Args:
         function_id: ID of the function.
@@ -54,9 +54,14 @@ def native_template(function_id: int, count: int, constants: bytes, varies: bool
         varies: True if there is a further argument, which varies.
         most: Largest size of a packet, bytes.
     """
-    if not hasattr(EXTENSION, "native_template"):
-        return None
-    return EXTENSION.native_template(function_id, count, constants, varies, most)
+    return None if EXTENSION is None else EXTENSION.native_template(function_id, count, constants, varies, most)
+
+
+native_request: Callable[[object, int, object], bytes | None] | None = EXTENSION and EXTENSION.native_request
+"""Return the packet of a prepared call: template, serial, varying argument. ``None`` if the extension is not used.
+
+The result is ``None`` if the code in Python has to convert the varying argument, or to report its error.
+"""
 
 
 def status() -> str:
