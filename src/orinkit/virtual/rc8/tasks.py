@@ -88,7 +88,7 @@ class Tasks:
     @property
     def running(self) -> int:
         """Number of running tasks, without supervisory ones."""
-        return sum(task.running and not task.supervisory for task in self._begun)
+        return sum([task.running and not task.supervisory for task in self._begun]) if self._begun else 0
 
     @property
     def supervisors_running(self) -> int:
@@ -239,7 +239,8 @@ class Tasks:
 
     def step(self) -> bool:
         """Execute one cycle; return True if a program is running."""
-        self._end_stops()
+        if self._stopping:
+            self._end_stops()
         if not self._begun:
             return False
         running = [task for task in self._begun if task.running]

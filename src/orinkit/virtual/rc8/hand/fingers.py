@@ -80,6 +80,7 @@ class Fingers:
         force: Gripping force, N; 0 if nothing is gripped.
         in_position: True if the last movement has ended at its target.
         workpiece: The workpiece that the fingers can meet, or ``None``.
+        active: True if :meth:`step` has to be called in the next cycle.
     """
 
     def __init__(self, cycles: ControlLoop, switches: Switches, model: FingerModel) -> None:
@@ -88,6 +89,7 @@ class Fingers:
         self.force = 0.0
         self.in_position = False
         self.workpiece: Workpiece | None = None
+        self.active = False
         self._cycles = cycles
         self._switches = switches
         self._move: _Move | None = None
@@ -130,6 +132,7 @@ class Fingers:
         self.stop()
         self.force, self.in_position = 0.0, False
         move = self._move = _Move(target, self.model.speed * speed / 100, force, contact, Deferred[None]())
+        self.active = True
         self._cycles.wake()
         return move.done
 
@@ -194,7 +197,8 @@ class Fingers:
                 self.stop(hresult.EMERGENCY_STOP_ON)
             else:
                 self._advance(self._move)
-        return self.busy
+        self.active = self._move is not None
+        return self.active
 
     def _advance(self, move: _Move) -> None:
         start, remaining = self.position, abs(move.target - self.position)

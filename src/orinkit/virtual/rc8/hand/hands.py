@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
-from orinkit.virtual.engine.control_loop import ControlLoop, CyclicTask
+from orinkit.virtual.engine.control_loop import ControlLoop
 from orinkit.virtual.rc8.hand.cobotta import CobottaHand
 from orinkit.virtual.rc8.hand.fingers import Fingers
 from orinkit.virtual.rc8.hand.gripper import BOARDS, Gripper
@@ -50,7 +50,7 @@ class Hands:
         self.grippers = {number: Gripper(cycles, switches, number) for number in numbers}
         self.two_finger = TwoFinger(cycles, switches)
         self.vacuum_gripper = VacuumGripper(cycles)
-        self._all: tuple[CyclicTask, ...] = (
+        self._all: tuple[Fingers | Vacuum | VacuumGripper, ...] = (
             self.cobotta, self.vacuum, self.two_finger, self.vacuum_gripper, *self.grippers.values(),
         )  # fmt: skip
 
@@ -69,8 +69,11 @@ class Hands:
 
     def step(self) -> bool:
         """Execute one cycle; return True if a hand is still moving."""
-        moving = [hand.step() for hand in self._all]
-        return any(moving)
+        more = False
+        for hand in self._all:
+            if hand.active:
+                more = hand.step() or more
+        return more
 
     def power_on(self) -> None:
         """Reset all hands as at power-on."""

@@ -157,6 +157,11 @@ class VacuumGripper:
         self.channels = Vacuum(cycles), Vacuum(cycles)
         self._grips: list[tuple[tuple[Vacuum, ...], int, Deferred[None]]] = []
 
+    @property
+    def active(self) -> bool:
+        """True if :meth:`step` has to be called in the next cycle."""
+        return bool(self._grips) or self.channels[0].active or self.channels[1].active
+
     def of(self, channel: int) -> tuple[Vacuum, ...]:
         """Return the channels with a number: 0 both, 1 A, 2 B.
 

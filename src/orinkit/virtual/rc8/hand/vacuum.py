@@ -39,6 +39,7 @@ class Vacuum:
         load: Thermal load, percent.
         power: Power, percent; 0 if the pump is off.
         covered: True if a workpiece covers the cups.
+        active: True if :meth:`step` has to be called in the next cycle.
     """
 
     def __init__(self, cycles: ControlLoop, threshold: float = -20.0) -> None:
@@ -47,6 +48,7 @@ class Vacuum:
         self.power = 0.0
         self.covered = False
         self.threshold = threshold
+        self.active = False
         self._cycles = cycles
 
     @property
@@ -63,18 +65,18 @@ class Vacuum:
         within(power, 0.0, 100.0, "%")
         self._cycles.require_open()
         self.power = power
-        self._cycles.wake()
+        self._wake()
 
     def stop(self) -> None:
         """Switch the pump off and let air in."""
         self.power = 0.0
-        self._cycles.wake()
+        self._wake()
 
     def put(self, covered: bool) -> None:
         """Place a workpiece on the cups, or remove it; called by tests and by users."""
         with self._cycles:
             self.covered = bool(covered)
-            self._cycles.wake()
+            self._wake()
 
     @property
     def final(self) -> float:
@@ -84,11 +86,14 @@ class Vacuum:
     def step(self) -> bool:
         """Execute one cycle; return True if pressure or load still change."""
         final, hottest = self.final, _HOTTEST * self.power / 100
-        if self.pressure == final and self.load == hottest:
-            return False
         self.pressure = _approach(self.pressure, final, _RISE if self.power else _FALL)
         self.load = _approach(self.load, hottest, _HEATING)
-        return self.pressure != final or self.load != hottest
+        self.active = self.pressure != final or self.load != hottest
+        return self.active
+
+    def _wake(self) -> None:
+        self.active = True
+        self._cycles.wake()
 
 
 def _approach(value: float, final: float, seconds: float) -> float:
