@@ -29,7 +29,7 @@ def main() -> int:
         pins = lowest()
         print(*pins, sep="\n", flush=True)
         subprocess.run([python, "-m", "pip", "install", "--quiet", *pins, "-e", f"{ROOT}[dev]"], check=True)
-        command = [python, "-m", "pytest", "-q", "-m", "not soak", "-n", "4", "--dist", "loadfile", *sys.argv[1:]]
+        command = [python, "-m", "pytest", "-q", "-m", "not soak", "-n", "auto", "--dist", "loadfile", *sys.argv[1:]]
         return subprocess.run(command, cwd=ROOT, check=False).returncode
 
 
