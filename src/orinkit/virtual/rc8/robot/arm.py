@@ -451,12 +451,13 @@ class RC8Arm:
             self.accuracy.report_deviation(self.servo, self._fault)
         switching = self.motor.step()
         moving = self.hardware.step() or moving
-        self.log.add(
-            lambda: self.servo.sample(self.motor.on),
-            self._cycles.number,
-            self.space.tools.current,
-            self.space.works.current,
-        )
+        if self.log.running:
+            self.log.add(
+                lambda: self.servo.sample(self.motor.on),
+                self._cycles.number,
+                self.space.tools.current,
+                self.space.works.current,
+            )
         self._answer()
         if self.slave.on:
             self.slave.complete_waiting()
@@ -467,7 +468,8 @@ class RC8Arm:
 
     def _answer(self) -> None:
         """Complete the calls whose motions have ended."""
-        self._calls.answer(self._stop_code)
+        if self._calls:
+            self._calls.answer(self._stop_code)
         self._come_to_rest()
 
     def _at_rest(self) -> bool:
