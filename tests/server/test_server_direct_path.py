@@ -335,12 +335,13 @@ def test_calls_on_the_direct_path_are_signs_of_life(monkeypatch: pytest.MonkeyPa
             for request in (_request(f.service_start, "Alive=1000"), CONNECT, VARIABLE):
                 peer.sendall(request)
                 _receive(peer)
+            until(lambda: len(counted) == 3)  # a call is counted after its reply has been sent
             counted.clear()
             for _ in range(3):
                 leap(server, 6.0)
                 peer.sendall(GET)
                 assert packet.decode(_receive(peer)).code == 0
-            until(lambda: counted == [True] * 3)  # a call is counted after its reply has been sent
+            until(lambda: counted == [True] * 3)
             assert server.clients == 1
             leap(server, 11.0)
             until(lambda: not server.clients)
