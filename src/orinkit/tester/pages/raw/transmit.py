@@ -39,11 +39,12 @@ class TransmitCard:
         with ui.element("section").classes("ok-card").props("data-testid=raw-transmit"):
             self._title = ui.label().classes("ok-card-title")
             self._build_text()
-            self._list = CheckList(self._text)
             self._as_is = ui.checkbox(tr("Send as it is, even if a packet is malformed")).props(
                 "dense data-testid=raw-as-is"
             )
             self._build_buttons()
+            # below the buttons: a list that changes its height between press and release would move them
+            self._list = CheckList(self._text)
             self._errors = ErrorBox("error-raw-send")
             self._build_progress()
 
