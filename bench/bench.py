@@ -116,7 +116,8 @@ def noise(when: str, seconds: float, results: Results) -> None:
 def users(scale: float, results: Results) -> None:
     """Measure what users call: round trips, the server, many arms, start-up."""
     noise("before", 10.0 * scale, results)
-    natural(max(8, round(40 * scale)), 60, 5, results)  # many short rounds: the speed of the machine changes within seconds
+    # many short rounds: the speed of the machine changes within seconds
+    natural(max(8, round(40 * scale)), 60, 5, results)
     server_load(2.0 * scale, results)
     arms(100, 10.0 * scale, results)
     start_up(max(3, round(15 * scale)), results)

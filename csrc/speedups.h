@@ -1,4 +1,4 @@
-/* The optional extension: codec of VARIANTs, and the exchange of one call.
+/* The optional extension: codec of VARIANTs, packets of requests, and the exchange of one call.
  *
  * The code here contains only the frequent and successful case. For everything else a function reports UNUSUAL, and the
  * Python function of the same name does the work from the beginning. Errors, limits and rare types thus have one

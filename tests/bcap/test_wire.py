@@ -18,9 +18,10 @@ from orinkit.bcap.packet import Framer, Packet
 from orinkit.bcap.server import ServerConversation
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.provider import ControllerObject, Provider, VariableObject
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, CallTimeout, ConnectionLost, ProtocolError
 from orinkit.values.codec import decode, encode

@@ -15,6 +15,7 @@ from orinkit.cao import session as session_module
 from orinkit.cao.arguments import read_arguments
 from orinkit.cao.dialect import VE026A
 from orinkit.cao.functions import BY_NAME, FUNCTIONS
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.provider import (
     BlockingCall,
     ClientInfo,
@@ -25,7 +26,7 @@ from orinkit.cao.provider import (
     VariableObject,
 )
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult, i18n
 from orinkit.core.errors import CallError, error_for
 from orinkit.values.variant import ARRAY, Variant, VarType, variant

@@ -8,9 +8,10 @@ import pytest
 
 from orinkit.cao.functions import BY_NAME
 from orinkit.cao.handles import HandleAllocator
+from orinkit.cao.outcomes import CallReply
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import CallReply, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.values.variant import Variant, VarType, plain, variant

@@ -6,9 +6,10 @@ import pytest
 
 from orinkit.cao import functions as f
 from orinkit.cao.controller_names import ControllerNames, starts_anew
+from orinkit.cao.outcomes import CallReply
 from orinkit.cao.provider import ClientInfo, ControllerObject, Provider
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import CallReply, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.values.variant import variant
 

@@ -10,9 +10,10 @@ import pytest
 
 from orinkit.bcap import packet
 from orinkit.bcap.requests import encode_request
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.provider import BlockingCall, ClientInfo, ControllerObject, Provider
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.cao.table import Argument
 from orinkit.cao.user_functions import UserFunction, foreign_entry, user_entry
 from orinkit.core import hresult

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core.errors import CallError
 from orinkit.values.codec import decode, encode_variant
 from orinkit.values.variant import Variant, variant

@@ -17,6 +17,8 @@ from orinkit.values.codec import DEFAULT_LIMITS
 from orinkit.values.variant import VarType, variant
 
 _HEADER: Final = packet.HEADER.pack
+_SOH: Final = packet.SOH
+_OVERHEAD: Final = packet.OVERHEAD
 _VT_ERROR_SIZE: Final = DEFAULT_LIMITS.vt_error_size
 
 
@@ -52,7 +54,8 @@ def encode_request(
         raise _argument_error(function, arguments, error) from None
     if crc:
         return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
-    return b"%b%b\x04" % (_HEADER(1, len(body) + 16, serial, reserved, function.id, len(arguments)), body)
+    head = _HEADER(_SOH, len(body) + _OVERHEAD, serial, reserved, function.id, len(arguments))
+    return b"%b%b\x04" % (head, body)
 
 
 _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {

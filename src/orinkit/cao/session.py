@@ -21,10 +21,7 @@ from orinkit.cao.controller_names import starts_anew
 from orinkit.cao.functions import FUNCTIONS
 from orinkit.cao.handles import HandleAllocator
 from orinkit.cao.options import Options
-from orinkit.cao.outcomes import CallReply as CallReply
-from orinkit.cao.outcomes import FailedCalls
-from orinkit.cao.outcomes import Outcome as Outcome
-from orinkit.cao.outcomes import Pending as Pending
+from orinkit.cao.outcomes import CallReply, FailedCalls, Outcome, Pending
 from orinkit.cao.provider import (
     BlockingCall,
     CaoObject,
@@ -80,9 +77,8 @@ class Session:
     ) -> None:
         self.host = host
         self._own_code = own_code
-        self._failures = (
-            FailedCalls()
-        )  # not part of this session, which a device that stores ClientInfo would then keep
+        # an object of its own: a device that stores ClientInfo would otherwise keep this session in memory
+        self._failures = FailedCalls()
         self.client = (client or ClientInfo())._replace(describe_error=self._failures.describe)
         self._entries: dict[int, _Entry] = {}  # oldest first
         self._handles = numbers or HandleAllocator()

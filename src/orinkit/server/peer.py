@@ -14,9 +14,10 @@ from typing import Any, Final
 from orinkit.bcap.actions import Action, Close, Decode, Encoded, EndSession, Execute, Send
 from orinkit.bcap.profiles import BcapProfile
 from orinkit.bcap.server import ServerConversation
+from orinkit.cao.outcomes import CallReply, Outcome, Pending
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
-from orinkit.cao.session import CallReply, Outcome, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import ProtocolError
 from orinkit.server.call_runner import abandon, is_cancellable, result_of

@@ -9,8 +9,8 @@ from typing import Final, Self, cast
 
 from orinkit.bcap.actions import Execute
 from orinkit.bcap.profiles import STREAM, BcapProfile
+from orinkit.cao.outcomes import CallReply
 from orinkit.cao.provider import ClientInfo
-from orinkit.cao.session import CallReply
 from orinkit.server.accepting import ONE_AT_A_TIME, StreamListener, start
 from orinkit.server.capacity import CallMemory
 from orinkit.server.context import ServerContext

@@ -69,7 +69,7 @@ def recorder(joints=HOME, kinematics: Kinematics = ARM) -> Recorder:
     return Recorder(MotionQueue(kinematics.model, joints), kinematics)
 
 
-def ptp(queue: MotionQueue, end, rates=Rates(), mark=AT) -> Motion:  # noqa: B008  it is frozen
+def ptp(queue: MotionQueue, end, rates=Rates(), mark=AT) -> Motion:  # noqa: B008 - it is frozen
     return plan_ptp(ARM, queue.end_joints, end, rates, mark, TOOL)
 
 

@@ -7,7 +7,7 @@ from datetime import datetime
 
 import pytest
 
-from orinkit.cao.session import CallReply
+from orinkit.cao.outcomes import CallReply
 from orinkit.core import hresult
 from orinkit.values.variant import ARRAY, Variant, VarType
 from orinkit.virtual.clock import ManualClock

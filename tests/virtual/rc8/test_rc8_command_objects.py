@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import pytest
 
+from orinkit.cao.outcomes import Pending
 from orinkit.cao.provider import Deferred
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from orinkit.cao.outcomes import Pending
 from orinkit.cao.provider import Deferred
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

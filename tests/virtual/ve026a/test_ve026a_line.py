@@ -13,9 +13,10 @@ from orinkit.bcap.actions import Close, EndSession, Execute, Send
 from orinkit.bcap.packet import Packet
 from orinkit.bcap.server import ServerConversation
 from orinkit.cao.functions import FUNCTIONS
+from orinkit.cao.outcomes import Pending
 from orinkit.cao.provider import ClientInfo, Deferred
 from orinkit.cao.provider_registry import ProviderRegistry
-from orinkit.cao.session import Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
 from orinkit.values.variant import Variant, VarType, variant

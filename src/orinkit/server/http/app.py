@@ -16,9 +16,10 @@ from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
 
 from orinkit.bcap.server import LARGE
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.quota import STORING_METHODS
 from orinkit.cao.service_options import ServiceOptions, read_options
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.errors import CallError, error_for
 from orinkit.core.i18n import tr

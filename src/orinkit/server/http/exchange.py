@@ -10,7 +10,7 @@ from urllib.parse import quote
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
-from orinkit.cao.session import CallReply
+from orinkit.cao.outcomes import CallReply
 from orinkit.core import hresult
 from orinkit.core.errors import error_for
 from orinkit.ecap.fields import UTF_8, encoded

@@ -17,10 +17,11 @@ from contextlib import suppress
 from inspect import iscoroutine
 from typing import Any, Final, Protocol
 
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
 from orinkit.cao.service_options import ServiceOptions
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
 from orinkit.ecap.message import own_code

@@ -12,9 +12,10 @@ from functools import partial
 from typing import Any, Final
 
 from orinkit.cao import functions as f
+from orinkit.cao.outcomes import CallReply, Pending
 from orinkit.cao.provider import ClientInfo
 from orinkit.cao.results import begin_call
-from orinkit.cao.session import CallReply, Pending, Session
+from orinkit.cao.session import Session
 from orinkit.cao.table import Function
 from orinkit.core import hresult
 from orinkit.core.i18n import tr
