@@ -68,6 +68,11 @@ class DrivePage:
             self.page.mouse.up()
             self.enable().hold(name, reached)
 
+    def is_idle(self) -> bool:
+        """Return True if the latest command is 0, without the input start."""
+        last = self.driver.commands[-1]
+        return (last.ay_command, last.bx_command, last.inputs["start"]) == (0, 0, False)
+
     def stopped(self) -> None:
         """Wait until the driver has received commands of 0, with start and servo off, and the motors stand still."""
         until(lambda: self.driver.stopped)
@@ -130,9 +135,7 @@ def test_the_motor_turns_while_a_button_is_held(drive):
     drive.part("drive").get_by_text("sends 98.2 min⁻¹ (code 491)").wait_for()
     drive.hold("ay-", lambda state: state.ay_velocity == -98.2)
     drive.page.mouse.up()
-    until(lambda: not drive.driver.state().moving)
-    last = drive.driver.commands[-1]
-    assert (last.ay_command, last.bx_command, last.inputs["start"]) == (0, 0, False)
+    until(lambda: drive.is_idle() and not drive.driver.state().moving)  # the input start is off first, then the command
     drive.part("value-BR5-main_voltage").get_by_text("24.0").wait_for()
     drive.part("flag-control-4").and_(drive.page.locator('[aria-label="A/Y data select 0: on"]')).wait_for()
     drive.disable()
