@@ -20,6 +20,7 @@ from orinkit.can.pseudo_terminal import PseudoTerminalBus, SlcanPort
 from orinkit.can.server import PSEUDO_TERMINAL, CanServer, serve_can
 from orinkit.core.errors import OrinError
 from orinkit.virtual.abh3 import Parameters, VirtualABH3
+from support.can_ptys import reserved_name
 from support.waiting import until
 
 FRAME = CanFrame(0x00EF0102, bytes.fromhex("E803000003300000"))
@@ -125,7 +126,7 @@ def test_an_invalid_frame_of_a_device_does_not_end_the_server(caplog):
 
 
 def test_the_bus_is_lost_if_its_server_ends():
-    with served() as (_, server):
+    with served() as (_, server), reserved_name(server.url):
         driver = abh3.connect(server.url, timeout=30.0)
         server.close()
         with pytest.raises(OrinError):

@@ -14,6 +14,19 @@ from pathlib import Path
 _CHUNK = 4096
 
 
+@contextmanager
+def reserved_name(url: str) -> Iterator[None]:
+    """Keep the name of a pseudo-terminal in use, so that no other test gets it after its server has ended.
+
+    A call of a driver reopens a lost bus by its name, and would then take the bytes of the other test.
+    """
+    end = os.open(url.removeprefix("can://slcan/").partition("?")[0], os.O_RDWR | os.O_NOCTTY)
+    try:
+        yield
+    finally:
+        os.close(end)
+
+
 class CrossedPtys:
     """Two ends of a cable; bytes written to one end can be read at the other.
 

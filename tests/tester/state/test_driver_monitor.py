@@ -14,6 +14,7 @@ from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.state.driver_connection import DriverConnection
 from orinkit.tester.state.driver_monitor import DriverMonitor, ReportedValue
 from support import multicast
+from support.can_ptys import reserved_name
 from support.drivers import RecordedDriver, served_driver, soon, with_connection
 
 
@@ -155,6 +156,6 @@ def test_a_lost_bus_is_detected(monkeypatch):
         server.close()
         await soon(lambda: connection.state is ConnectionState.LOST)
         connection.monitor.end()
-        # The test does not open the address again: another test may have a pseudo-terminal of this name meanwhile.
 
-    with_connection(server.url, test)
+    with reserved_name(server.url):
+        with_connection(server.url, test)
