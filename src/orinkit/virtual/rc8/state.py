@@ -195,7 +195,7 @@ class RC8State:
             lambda: self.last_cycle_time, self._program_fault, self._show,
         )  # fmt: skip
         moving, motor_on = self.robots.activity()
-        self.usage = Usage(lambda: self.seconds, lambda: self.tasks.running > 0 or moving(), motor_on)
+        self.usage = Usage(lambda: self.seconds, lambda: moving() or self.tasks.running > 0, motor_on)
         arms = [robot.arm for robot in self.robots]
         self.cycles.add(self.tasks, *arms, self.hands, self.timers, self.usage, on_error=self._crashed)
 

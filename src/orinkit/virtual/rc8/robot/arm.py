@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from orinkit.arms import ArmModel
 from orinkit.cao.provider import Deferred
@@ -25,6 +26,8 @@ from orinkit.virtual.rc8.robot.target import FrameContext
 from orinkit.virtual.rc8.robot.waiting_calls import MotionCalls, PendingMotions, WaitingCall, WaitingTakers
 from orinkit.virtual.rc8.switches import Switches
 from orinkit.virtual.rc8.variables.table import VariableTable
+
+_IDLE: Final = QueueState.IDLE  # for every cycle; see orinkit.virtual.engine.motion.queue
 
 
 class RC8Arm:
@@ -105,7 +108,7 @@ class RC8Arm:
 
     @property
     def _moving(self) -> bool:
-        return self.queue.state is not QueueState.IDLE
+        return self.queue.state is not _IDLE
 
     @property
     def room(self) -> int:
@@ -461,10 +464,8 @@ class RC8Arm:
         self._answer()
         if self.slave.on:
             self.slave.complete_waiting()
-        paused = self.queue.state is QueueState.HELD
-        commanding = (self._moving and not paused) or not self.queue.standing or self.slave.has_work
-        waiting = bool(self._takers or self._at_standstill)
-        return commanding or moving or switching or self.log.running or waiting
+        commanding = self.queue.moving or not self.queue.standing or self.slave.has_work
+        return commanding or moving or switching or self.log.running or bool(self._takers or self._at_standstill)
 
     def _answer(self) -> None:
         """Complete the calls whose motions have ended."""
@@ -476,16 +477,18 @@ class RC8Arm:
         return self.queue.state in (QueueState.IDLE, QueueState.HELD)
 
     def _come_to_rest(self) -> None:
+        if self.queue.moving:
+            return
         if not self._moving:
             self._stop_code = None
             self.companions = ()
             if self._cut:
                 self._cut = False
                 self.motor.cut()
-        if self._still and self._at_rest():
+        if self._still:
             still, self._still = self._still, []
             for done in still:
                 done.set_result()
-        if self._takers and self._at_rest():
+        if self._takers:
             self._serve_takers()
         self._stand_still()

@@ -25,6 +25,9 @@ class MotorState(Enum):
     SWITCHING_OFF = "switching off"
 
 
+_ON: Final = MotorState.ON  # for every cycle; see orinkit.virtual.engine.motion.queue
+
+
 class Motor:
     """The motor supply."""
 
@@ -36,7 +39,7 @@ class Motor:
     @property
     def on(self) -> bool:
         """True if the motor is on, so that the robot can move."""
-        return self.state is MotorState.ON
+        return self.state is _ON
 
     @property
     def switching(self) -> bool:
