@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from results import Row, padded
 
 ROUNDS = 9
+PATIENCE = 20.0  # s until a peer that does not end is killed
 RECORDED: list[Row] = []  # the results that line() has printed
 CORES = range(os.cpu_count() or 1)
 
@@ -35,6 +36,8 @@ def process(target: Callable[[multiprocessing.connection.Connection], None]) -> 
         yield str(ours.recv())
     finally:
         child.terminate()
+        child.join(PATIENCE)
+        child.kill()
         child.join()
 
 

@@ -32,6 +32,7 @@ SETUP = (
 )
 GET = encode_request(functions.variable_get_value, (3,), 4)
 LATE = 0.008  # s
+TIMEOUT = 20.0  # s; a server that does not reply fails the run instead of blocking it
 CLIENTS, RATE = 100, 125.0
 RATE_GOALS = {1: 25_000, 50: 60_000}
 CPU_GOAL = 40.0  # % of a core
@@ -87,11 +88,12 @@ def opened(ports: Sequence[int], setup: Sequence[bytes] = ()) -> Iterator[list[s
 
     Raises:
         RuntimeError: If the server answered one of them with an error.
+        TimeoutError: If the server does not reply.
     """
     peers: list[socket.socket] = []
     try:
         for port in ports:
-            peers.append(socket.create_connection(("127.0.0.1", port)))
+            peers.append(socket.create_connection(("127.0.0.1", port), TIMEOUT))
             peers[-1].setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             for request in setup:
                 peers[-1].sendall(request)

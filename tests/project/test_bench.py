@@ -26,6 +26,7 @@ def _path(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 PIECES = """
+import faulthandler
 import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
@@ -37,6 +38,7 @@ from server_load import server_load
 from start_up import start_up
 
 if __name__ == "__main__":
+    faulthandler.dump_traceback_later(float(sys.argv[3]), exit=True)
     native.BUILD = Path(sys.argv[2]).parent
     results = Results()
     natural(1, 5, 2, results)
@@ -50,9 +52,9 @@ if __name__ == "__main__":
 def test_each_piece_measures(tmp_path: Path) -> None:
     script, file = tmp_path / "pieces.py", tmp_path / "results.csv"
     script.write_text(PIECES)
-    command = [sys.executable, str(script), str(ROOT / "bench"), str(file)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE * 4, check=False)
-    assert done.returncode == 0, done.stderr
+    command = [sys.executable, str(script), str(ROOT / "bench"), str(file), str(PATIENCE * 4)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE * 5, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
     rows = {row.what: row for row in import_module("results").read(file)}
     for kind in ("sync", "asyncio"):
         for pace in ("back to back", "every 1 ms", "every 8 ms"):
