@@ -46,10 +46,7 @@ HEARTBEAT = 500.0  # ms
 WATCHED = "I1 I2 I3 I4 I5 D1 D2 IO128 IO129 @MODE"
 PAGES = ("/", "/arm", "/objects", "/monitor", "/programs", "/slave-move", "/abh3", "/packets", "/raw")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome") or ""
-ARGUMENTS = (
-    "--no-sandbox", "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--enable-unsafe-swiftshader",
-)  # fmt: skip
+ARGUMENTS = ("--no-sandbox", "--disable-background-networking", "--disable-component-update", "--disable-sync")
 PATIENCE = 60.0  # s
 TITLE = ".ok-page-title"
 

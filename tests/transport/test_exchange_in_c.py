@@ -257,6 +257,8 @@ def test_the_reply_is_received_after_signals(pair, every_10_ms):
 
 def test_an_exception_of_a_signal_handler_ends_the_wait(pair, every_10_ms):
     def handler() -> None:
+        if pair.conversation.serial == 1:  # the signal is earlier than the call
+            return
         signal.setitimer(signal.ITIMER_REAL, 0)
         raise KeyboardInterrupt
 
@@ -287,6 +289,8 @@ def test_a_descriptor_that_is_closed_during_the_wait_after_a_signal_is_not_read(
     pair = Pair(kind=SignalledLink)
 
     def handler() -> None:
+        if pair.conversation.serial == 1:  # the signal is earlier than the call
+            return
         signal.setitimer(signal.ITIMER_REAL, 0)
         pair.peer.sendall(b"of another connection")
 

@@ -18,8 +18,12 @@ from orinkit.values.variant import VarType, variant
 
 _HEADER: Final = packet.HEADER.pack
 _SOH: Final = packet.SOH
+_EOT: Final = bytes([packet.EOT])
 _OVERHEAD: Final = packet.OVERHEAD
 _VT_ERROR_SIZE: Final = DEFAULT_LIMITS.vt_error_size
+_EXECUTE_ARGUMENTS: Final = (
+    3  # of Controller_Execute and Robot_Execute, the most frequent calls: no loop over arguments
+)
 
 
 @replaced_in_c
@@ -49,13 +53,18 @@ def encode_request(
     if vt_error_size != _VT_ERROR_SIZE:
         encoders = tuple(_sized(each, vt_error_size) for each in encoders)
     try:
-        body = b"".join(map(_apply, encoders, arguments))  # map() stops at the first omitted optional argument
+        if len(arguments) == len(encoders) == _EXECUTE_ARGUMENTS:
+            first, second, third = encoders
+            handle, command, parameter = arguments
+            body = first(handle) + second(command) + third(parameter)
+        else:
+            body = b"".join(map(_apply, encoders, arguments))  # map() stops at the first omitted optional argument
     except (InvalidValue, TypeError) as error:
         raise _argument_error(function, arguments, error) from None
     if crc:
         return packet.pack(serial, function.id, len(arguments), body, reserved, crc=True)
     head = _HEADER(_SOH, len(body) + _OVERHEAD, serial, reserved, function.id, len(arguments))
-    return b"%b%b\x04" % (head, body)
+    return head + body + _EOT
 
 
 _BY_TYPE: Final[dict[VarType, Callable[[Any], bytes]]] = {
