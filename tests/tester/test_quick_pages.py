@@ -189,3 +189,30 @@ def test_slave_move_stops_when_the_page_is_hidden(page, bench, arm):
     until(arm.free)
     assert arm.within_limits()
     stopped(page, "the page is hidden")
+
+
+def test_the_button_execute_does_not_move_while_the_hints_appear(page, bench):
+    """Otherwise, a click is lost if a hint appears between press and release."""
+    open_objects(page, bench.tester.url)
+    add(page, "Robot", "Arm")
+    open_tab(page, "Execute")
+    button = page.get_by_test_id("execute")
+    before = button.bounding_box()
+    fill(page, "command", "TakeArm")
+    expect(page.get_by_test_id("command-hint")).to_contain_text("arm group")
+    fill(page, "parameter", "0,1")
+    expect(page.get_by_test_id("parameter-description")).to_contain_text("2 elements")
+    assert button.bounding_box() == before
+
+
+def test_the_button_put_does_not_move_while_an_error_disappears(page, bench):
+    open_objects(page, bench.tester.url)
+    add(page, "Variable", "I10")
+    button = page.get_by_test_id("put")
+    before = button.bounding_box()
+    fill(page, "value", "4x")
+    expect(page.get_by_test_id("object")).to_contain_text("expected a whole number")
+    assert button.bounding_box() == before
+    fill(page, "value", "4711")
+    expect(page.get_by_test_id("value-description")).to_contain_text("VT_I4")
+    assert button.bounding_box() == before

@@ -110,11 +110,15 @@ class ValueField(Field):
     """
 
     def __init__(self, marker: str, label: str, vt: int = VarType.EMPTY, text: str = "") -> None:
-        with ui.element("div").classes("ok-value-field"):
-            self.type = ui.select(dict(TYPES), label=tr("Type"), value=int(vt)).props("outlined dense options-dense")
-            self.type.props(f"data-testid={marker}-type")
-            self.input = _input(label, marker, text)
-        self._description = ui.label().classes("ok-dim").props("role=status").props(f"data-testid={marker}-description")
+        with ui.element("div").classes("ok-value-box"):
+            with ui.element("div").classes("ok-value-field"):
+                self.type = ui.select(dict(TYPES), label=tr("Type"), value=int(vt)).props(
+                    "outlined dense options-dense"
+                )
+                self.type.props(f"data-testid={marker}-type")
+                self.input = _input(label, marker, text)
+            self._description = ui.label().classes("ok-dim").props("role=status")
+            self._description.props(f"data-testid={marker}-description")
         self.type.on_value_change(self._check)
         self.input.on_value_change(self._check)
         self._describe(Variant(VarType.EMPTY) if vt == VarType.EMPTY and not text else None)

@@ -29,7 +29,7 @@ def build_execute(context: ObjectContext) -> None:
     command = TextField(tr("Command"), "command")
     command.suggest(each.name for each in known.values())
     parameter = ValueField("parameter", tr("Parameter"))
-    hint = ui.label().classes("ok-dim").props("data-testid=command-hint")
+    hint = ui.label().classes("ok-dim ok-line").props("data-testid=command-hint")
 
     def choose() -> None:
         found = known.get((command.input.value or "").strip().lower())
