@@ -205,7 +205,9 @@ def test_the_button_execute_does_not_move_while_the_hints_appear(page, bench):
     assert button.bounding_box() == before
 
 
-def test_the_button_put_does_not_move_while_an_error_disappears(page, bench):
+@pytest.mark.parametrize("width", [1280, 520])
+def test_the_button_put_does_not_move_while_an_error_disappears(page, bench, width):
+    page.set_viewport_size({"width": width, "height": 900})
     open_objects(page, bench.tester.url)
     add(page, "Variable", "I10")
     button = page.get_by_test_id("put")

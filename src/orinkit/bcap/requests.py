@@ -21,9 +21,8 @@ _SOH: Final = packet.SOH
 _EOT: Final = bytes([packet.EOT])
 _OVERHEAD: Final = packet.OVERHEAD
 _VT_ERROR_SIZE: Final = DEFAULT_LIMITS.vt_error_size
-_EXECUTE_ARGUMENTS: Final = (
-    3  # of Controller_Execute and Robot_Execute, the most frequent calls: no loop over arguments
-)
+# Controller_Execute and Robot_Execute are the most frequent calls: their arguments are encoded without a loop.
+_EXECUTE_ARGUMENTS: Final = 3
 
 
 @replaced_in_c
