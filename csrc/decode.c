@@ -19,9 +19,9 @@ static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long
 
 #define LEAST -(1LL << 60) /* least limit or budget: room for subtractions */
 
-static bool read_limit(PyObject *limits, PyObject *name, long long *number)
+static bool read_limit(State *state, PyObject *limits, Attribute name, long long *number)
 {
-    PyObject *found = PyObject_GetAttr(limits, name);
+    PyObject *found = get_attribute(state, limits, name);
     int overflow = 1;
     if (found != NULL && PyLong_CheckExact(found))
         *number = PyLong_AsLongLongAndOverflow(found, &overflow);
@@ -38,9 +38,9 @@ Outcome read_limits(State *state, PyObject *limits, Limits *found)
     }
     if (limits == NULL || (PyObject *)Py_TYPE(limits) != state->limits_type)
         return UNUSUAL;
-    bool usual = read_limit(limits, state->n_packet, &found->packet) && read_limit(limits, state->n_depth, &found->depth) &&
-                 read_limit(limits, state->n_variants, &found->variants) &&
-                 read_limit(limits, state->n_vt_error_size, &found->error_size);
+    bool usual = read_limit(state, limits, A_PACKET, &found->packet) && read_limit(state, limits, A_DEPTH, &found->depth) &&
+                 read_limit(state, limits, A_VARIANTS, &found->variants) &&
+                 read_limit(state, limits, A_VT_ERROR_SIZE, &found->error_size);
     if (!usual || (found->error_size != 2 && found->error_size != 4))
         return UNUSUAL;
     state->limits = *found; /* the object is frozen */
@@ -211,7 +211,7 @@ static PyObject *trusted(State *state, unsigned vt, PyObject *value)
     PyObject *number = PyLong_FromLong((long)vt);
     PyObject *variant = number == NULL ? NULL : type->tp_alloc(type, 0);
     if (variant != NULL &&
-        (set_frozen(variant, state->n_type, number) < 0 || set_frozen(variant, state->n_value, value) < 0))
+        (set_frozen(variant, state->names[A_TYPE], number) < 0 || set_frozen(variant, state->names[A_VALUE], value) < 0))
         Py_CLEAR(variant);
     Py_XDECREF(number);
     Py_DECREF(value);

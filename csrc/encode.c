@@ -294,10 +294,10 @@ static Outcome put_typed(State *state, Writer *writer, PyObject *variant, int er
 {
     if (depth > MOST_DEPTH || (PyObject *)Py_TYPE(variant) != state->variant_type)
         return UNUSUAL;
-    PyObject *type = PyObject_GetAttr(variant, state->n_type);
+    PyObject *type = get_attribute(state, variant, A_TYPE);
     if (type == NULL)
         return FAILED;
-    PyObject *value = PyObject_GetAttr(variant, state->n_value);
+    PyObject *value = get_attribute(state, variant, A_VALUE);
     Outcome outcome = value == NULL ? FAILED : put_content(state, writer, type, value, error_size, depth);
     Py_DECREF(type);
     Py_XDECREF(value);

@@ -54,9 +54,9 @@ typedef struct {
     uint8_t reply[RECEIVED_MOST];
 } Exchange;
 
-static Outcome read_number(PyObject *object, PyObject *name, long low, long high, long *number)
+static Outcome read_number(State *state, PyObject *object, Attribute name, long low, long high, long *number)
 {
-    PyObject *found = PyObject_GetAttr(object, name);
+    PyObject *found = get_attribute(state, object, name);
     if (found == NULL)
         return FAILED;
     *number = PyLong_AsLong(found);
@@ -70,7 +70,7 @@ static Outcome read_number(PyObject *object, PyObject *name, long low, long high
 static Outcome read_descriptor(State *state, Exchange *exchange)
 {
     long descriptor = -1;
-    Outcome outcome = read_number(exchange->link, state->n_descriptor, -1, INT32_MAX, &descriptor);
+    Outcome outcome = read_number(state, exchange->link, A_DESCRIPTOR, -1, INT32_MAX, &descriptor);
     exchange->descriptor = outcome == DONE ? (int)descriptor : -1;
     return outcome == FAILED ? FAILED : DONE;
 }
@@ -145,10 +145,10 @@ static Outcome call_link(const Exchange *exchange, PyObject *name, PyObject *arg
 static Outcome report(State *state, Exchange *exchange, int error)
 {
     if (!error)
-        return call_link(exchange, state->n_fail, Py_None);
+        return call_link(exchange, state->names[A_FAIL], Py_None);
     PyObject *text = PyUnicode_DecodeLocale(strerror(error), "surrogateescape");
     PyObject *reason = text == NULL ? NULL : PyObject_CallFunction(PyExc_OSError, "iO", error, text);
-    Outcome outcome = reason == NULL ? FAILED : call_link(exchange, state->n_fail, reason);
+    Outcome outcome = reason == NULL ? FAILED : call_link(exchange, state->names[A_FAIL], reason);
     Py_XDECREF(text);
     Py_XDECREF(reason);
     return outcome;
@@ -162,7 +162,7 @@ static PyObject *continue_in_python(State *state, Exchange *exchange)
     PyObject *start = PyLong_FromSsize_t(sent);
     PyObject *received = NULL;
     if (request != NULL && start != NULL)
-        received = PyObject_CallMethodObjArgs(exchange->link, state->n_finish_exchange, request, exchange->seconds, start, NULL);
+        received = PyObject_CallMethodObjArgs(exchange->link, state->names[A_FINISH_EXCHANGE], request, exchange->seconds, start, NULL);
     Py_XDECREF(request);
     Py_XDECREF(start);
     return received;
@@ -172,7 +172,7 @@ static PyObject *continue_in_python(State *state, Exchange *exchange)
 
 static Outcome read_conversation_limits(State *state, const Exchange *exchange, Limits *limits)
 {
-    PyObject *object = PyObject_GetAttr(exchange->conversation, state->n_limits);
+    PyObject *object = get_attribute(state, exchange->conversation, A_LIMITS);
     if (object == NULL)
         return FAILED;
     Outcome outcome = read_limits(state, object, limits);
@@ -183,7 +183,7 @@ static Outcome read_conversation_limits(State *state, const Exchange *exchange, 
 /* Read the result of the call. UNUSUAL: Python reads it, or reports the error. */
 static Outcome read_result(State *state, Exchange *exchange, const Limits *limits, bool exact, PyObject **value)
 {
-    PyObject *kind = PyObject_GetAttr(exchange->function, state->n_result);
+    PyObject *kind = get_attribute(state, exchange->function, A_RESULT);
     if (kind == NULL)
         return FAILED;
     Py_DECREF(kind); /* the table of functions keeps it */
@@ -230,7 +230,7 @@ static PyObject *finish_in_python(State *state, Exchange *exchange, uint16_t ser
 {
     PyObject *number = PyLong_FromLong(serial), *result = NULL;
     if (number != NULL)
-        result = PyObject_CallMethodObjArgs(exchange->conversation, state->n_finish, exchange->function, number, received,
+        result = PyObject_CallMethodObjArgs(exchange->conversation, state->names[A_FINISH], exchange->function, number, received,
                                             exact, NULL);
     if (result == Py_None) {
         Py_DECREF(result);
@@ -282,7 +282,7 @@ static Outcome prepare(State *state, Exchange *exchange, PyObject *const *argume
     exchange->seconds = seconds;
     if (!PyFloat_CheckExact(seconds))
         return UNUSUAL;
-    PyObject *set = PyObject_GetAttr(exchange->link, state->n_kernel_seconds);
+    PyObject *set = get_attribute(state, exchange->link, A_KERNEL_SECONDS);
     if (set == NULL) {
         if (!PyErr_ExceptionMatches(PyExc_AttributeError))
             return FAILED;
@@ -291,20 +291,20 @@ static Outcome prepare(State *state, Exchange *exchange, PyObject *const *argume
     }
     bool equal = PyFloat_CheckExact(set) && PyFloat_AS_DOUBLE(set) == PyFloat_AS_DOUBLE(seconds);
     Py_DECREF(set);
-    return equal ? DONE : call_link(exchange, state->n_use_kernel_timeout, seconds);
+    return equal ? DONE : call_link(exchange, state->names[A_USE_KERNEL_TIMEOUT], seconds);
 }
 
 static Outcome use_serial(State *state, Exchange *exchange, long serial)
 {
     PyObject *next = PyLong_FromLong(serial % 0xFFFF + 1);
-    int failed = next == NULL || PyObject_SetAttr(exchange->conversation, state->n_serial, next) < 0;
+    Outcome outcome = next == NULL ? FAILED : set_attribute(state, exchange->conversation, A_SERIAL, next);
     Py_XDECREF(next);
-    return failed ? FAILED : DONE;
+    return outcome;
 }
 
 static const Template *template_of(State *state, PyObject *object)
 {
-    PyObject *capsule = PyObject_GetAttr(object, state->n_native);
+    PyObject *capsule = get_attribute(state, object, A_NATIVE);
     if (capsule == NULL)
         return NULL;
     const Template *template = template_in(capsule);
@@ -321,7 +321,7 @@ PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
     Outcome outcome = usual ? prepare(state, &exchange, arguments, arguments[4]) : UNUSUAL;
     if (outcome != DONE)
         return outcome == FAILED ? NULL : in_python(state, CALL, arguments, count, NULL);
-    PyObject *begun = PyObject_CallMethodObjArgs(exchange.conversation, state->n_begin, arguments[2], arguments[3], NULL);
+    PyObject *begun = PyObject_CallMethodObjArgs(exchange.conversation, state->names[A_BEGIN], arguments[2], arguments[3], NULL);
     unsigned short serial;
     PyObject *request, *result = NULL;
     if (begun != NULL && PyArg_ParseTuple(begun, "HS", &serial, &request) && read_descriptor(state, &exchange) == DONE) {
@@ -337,7 +337,7 @@ static PyObject *perform_prepared(State *state, Exchange *exchange, const Templa
 {
     long serial;
     PyObject *result = NULL;
-    Outcome outcome = read_number(exchange->conversation, state->n_serial, 1, 0xFFFF, &serial);
+    Outcome outcome = read_number(state, exchange->conversation, A_SERIAL, 1, 0xFFFF, &serial);
     if (outcome != DONE)
         return outcome == FAILED ? NULL : Py_NewRef(Py_None);
     Writer writer;
@@ -354,10 +354,8 @@ static PyObject *perform_prepared(State *state, Exchange *exchange, const Templa
     return result;
 }
 
-/* call_prepared(conversation, link, function, template, value, seconds) */
-PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+PyObject *exchange_prepared(State *state, PyObject *const *arguments, Py_ssize_t count)
 {
-    State *state = state_of(module);
     Exchange exchange;
     const Template *template = count == 6 ? template_of(state, arguments[3]) : NULL;
     if (template == NULL && PyErr_Occurred())
@@ -368,5 +366,11 @@ PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t
     if (outcome == UNUSUAL)
         return in_python(state, CALL_PREPARED, arguments, count, NULL);
     return perform_prepared(state, &exchange, template, arguments[4]);
+}
+
+/* call_prepared(conversation, link, function, template, value, seconds) */
+PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+{
+    return exchange_prepared(state_of(module), arguments, count);
 }
 #endif

@@ -3,7 +3,7 @@
 
 static const char *const NAMES[FUNCTIONS] = {
     "encode", "encode_variant", "encode_integer", "encode_string", "encode_single", "decode", "encode_request",
-    "call", "call_prepared",
+    "call", "call_prepared", "call_prepared_by_client",
 };
 
 PyObject *in_python(State *state, FunctionNumber number, PyObject *const *arguments, Py_ssize_t count, PyObject *names)
@@ -83,6 +83,7 @@ static PyMethodDef FUNCTIONS_TABLE[] = {
     {"set_timeout", set_timeout, METH_VARARGS, NULL},
     {"call", WITH_COUNT(call), METH_FASTCALL, NULL},
     {"call_prepared", WITH_COUNT(call_prepared), METH_FASTCALL, NULL},
+    {"call_prepared_by_client", WITH_COUNT(call_prepared_by_client), METH_FASTCALL, NULL},
 #endif
     {NULL, NULL, 0, NULL},
 };
@@ -109,19 +110,8 @@ static void release(void *module) { clear((PyObject *)module); }
 static int execute(PyObject *module)
 {
     State *s = state_of(module);
-    const struct { PyObject **place; const char *text; } names[] = {
-        {&s->n_id, "id"}, {&s->n_type, "type"}, {&s->n_value, "value"}, {&s->n_packet, "packet"}, {&s->n_depth, "depth"},
-        {&s->n_variants, "variants"}, {&s->n_vt_error_size, "vt_error_size"}, {&s->n_serial, "_serial"},
-        {&s->n_limits, "_limits"}, {&s->n_begin, "begin"}, {&s->n_finish, "finish"}, {&s->n_result, "result"},
-        {&s->n_native, "native"}, {&s->n_descriptor, "descriptor"}, {&s->n_kernel_seconds, "kernel_seconds"},
-        {&s->n_use_kernel_timeout, "use_kernel_timeout"}, {&s->n_finish_exchange, "finish_exchange"},
-        {&s->n_fail, "fail"},
-    };
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        *names[i].place = PyUnicode_InternFromString(names[i].text);
-        if (*names[i].place == NULL)
-            return -1;
-    }
+    if (set_names(s) < 0)
+        return -1;
     return PyModule_AddIntConstant(module, "INTERFACE", INTERFACE);
 }
 

@@ -69,7 +69,7 @@ static Outcome put_call(State *state, Writer *writer, PyObject *const *arguments
     if (!PyTuple_CheckExact(arguments[1]) || !read_word(arguments[2], &serial) ||
         (count == 4 && !read_word(arguments[3], &reserved)))
         return UNUSUAL;
-    PyObject *id = PyObject_GetAttr(arguments[0], state->n_id);
+    PyObject *id = get_attribute(state, arguments[0], A_ID);
     if (id == NULL)
         return FAILED;
     PyObject *types = PyDict_GetItemWithError(state->argument_types, id); /* borrowed: no entry is removed */

@@ -19,7 +19,7 @@
 
 /* The number of the interface between this module and the modules in Python, which INTERFACE in orinkit/core/speedups.py
  * repeats. After a change of a function, of its arguments, or of an attribute that is read here, increase both. */
-#define INTERFACE 2
+#define INTERFACE 3
 
 /* Result of the internal functions; FAILED means that a Python exception is set. */
 typedef enum { FAILED = -1, UNUSUAL = 0, DONE = 1 } Outcome;
@@ -52,11 +52,23 @@ typedef struct {
 
 typedef enum {
     ENCODE, ENCODE_VARIANT, ENCODE_INTEGER, ENCODE_STRING, ENCODE_SINGLE, DECODE, ENCODE_REQUEST, CALL, CALL_PREPARED,
+    CALL_PREPARED_BY_CLIENT,
     FUNCTIONS
 } FunctionNumber;
 
+/* Attributes and methods of Python objects; ATTRIBUTE_NAMES in attributes.c contains their names. */
+typedef enum {
+    A_ID, A_TYPE, A_VALUE, A_PACKET, A_DEPTH, A_VARIANTS, A_VT_ERROR_SIZE,
+    A_SERIAL, A_LIMITS, A_BEGIN, A_FINISH, A_RESULT, A_NATIVE, A_DESCRIPTOR, A_KERNEL_SECONDS, A_USE_KERNEL_TIMEOUT,
+    A_FINISH_EXCHANGE, A_FAIL,
+    A_CONVERSATION, A_DEADLINE, A_END, A_TIMEOUT, A_LINK, A_LOCK, A_FUNCTION, A_TEMPLATE, A_DIRECT, A_ACQUIRE, A_RELEASE,
+    A_ARGUMENTS, A_RESUME, A_FAILED,
+    ATTRIBUTES
+} Attribute;
+
 typedef struct {
-    Limits limits; /* the values of seen_limits */
+    Limits limits;                  /* the values of seen_limits */
+    Py_ssize_t offsets[ATTRIBUTES]; /* of the slots in objects of the types in "owners" */
     /* From here to the end, there are only references. */
     PyObject *fallback[FUNCTIONS]; /* the Python functions */
     PyObject *seen_limits;         /* the frozen object that was read last */
@@ -66,15 +78,21 @@ typedef struct {
     /* objects of orinkit.transport.direct and orinkit.values.types, passed to set_exchange() */
     PyObject *unfinished, *result_variant, *result_integer, *result_string;
     PyObject *argument_types; /* dict of orinkit.bcap.requests, passed to set_requests() */
-    /* names of attributes and methods */
-    PyObject *n_id, *n_type, *n_value, *n_packet, *n_depth, *n_variants, *n_vt_error_size;
-    PyObject *n_serial, *n_limits, *n_begin, *n_finish, *n_result, *n_native;
-    PyObject *n_descriptor, *n_kernel_seconds, *n_use_kernel_timeout, *n_finish_exchange, *n_fail;
+    PyObject *names[ATTRIBUTES];
+    PyObject *owners[ATTRIBUTES]; /* for an attribute with a slot, the type of the object that was read last */
 } State;
 
 static inline State *state_of(PyObject *module) { return (State *)PyModule_GetState(module); }
 /* Call the Python function. */
 PyObject *in_python(State *state, FunctionNumber number, PyObject *const *arguments, Py_ssize_t count, PyObject *names);
+
+/* --- attributes ---------------------------------------------------------------------------------------------------- */
+
+int set_names(State *state);
+/* Return an attribute. A read from a slot (__slots__) touches nothing but the object: a lookup by name touches the type
+ * and the cache of methods, too, which takes longer than everything else if the program has slept for some ms. */
+PyObject *get_attribute(State *state, PyObject *object, Attribute number);
+Outcome set_attribute(State *state, PyObject *object, Attribute number, PyObject *value);
 
 /* --- bytes that are being written: at most MOST_BYTES -------------------------------------------------------------- */
 
@@ -142,6 +160,9 @@ PyObject *native_request(PyObject *module, PyObject *const *arguments, Py_ssize_
 PyObject *set_timeout(PyObject *module, PyObject *arguments);
 PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
+/* Make a prepared call, or let the Python function make it; the arguments are those of call_prepared(). */
+PyObject *exchange_prepared(State *state, PyObject *const *arguments, Py_ssize_t count);
+PyObject *call_prepared_by_client(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 #endif
 
 #endif

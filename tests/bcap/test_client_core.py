@@ -73,7 +73,7 @@ def conversation():
 
 def test_the_request_of_the_document(conversation):
     """RC8 3.1.2: Controller_GetVariable of IO150."""
-    conversation._serial = 3
+    conversation.serial = 3
     call = Call(conversation, f.controller_get_variable, 2, "IO150", "", seconds=2.5)
     assert call.request.hex(" ").startswith("01 44 00 00 00 03 00 00 00 09 00 00 00 03 00")
     assert call.seconds == 2.5

@@ -189,7 +189,7 @@ def test_serials_wrap_without_mixing_up_replies(both: Both, peer_class: type[Bad
 
     with peer_class(script) as peer:
         client = both.client(peer.url, tries=1, timeout=PATIENT)
-        client._conversation._serial = 0xFFF0
+        client._conversation.serial = 0xFFF0
         for number in range(40):
             assert ask(both, client, number) == number
         both.run(client.close())

@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -20,14 +23,17 @@ from orinkit.bcap.packet import Packet
 from orinkit.cao.dialect import VE026A
 from orinkit.client._async.objects import AsyncVariable
 from orinkit.client._async.robot import AsyncRobot
+from orinkit.client._sync.client import call_prepared_by_client
 from orinkit.client._sync.objects import Variable
 from orinkit.client._sync.robot import Robot
 from orinkit.core import hresult
-from orinkit.core.errors import CallError, CallTimeout, InvalidValue, ObjectReleased, OrinError
+from orinkit.core.errors import CallError, CallTimeout, ConnectionClosed, InvalidValue, ObjectReleased, OrinError
+from orinkit.core.speedups import EXTENSION
 from orinkit.values.poses import J
 from orinkit.values.variant import Variant, VarType
 from support.both import LISTEN_AT, Both
 from support.peers import BadPeer, Line, executing, reply
+from support.speedups import needs_extension
 
 PATIENT = 20.0  # a time-out that must not expire
 SHORT = 0.15  # a time-out that is expected to expire
@@ -81,35 +87,42 @@ def scripted(answer: Callable[[Packet], Sequence[bytes]], *, ends: bool) -> Call
     return script
 
 
-def outcome(both: Both, client: Any, *call: Any) -> Any:
+def outcome(both: Both, call: Callable[[], Any]) -> Any:
     """Return the result of a call, or its error."""
     try:
-        return both.run(client.call(*call))
+        return both.run(call())
     except OrinError as error:
-        return type(error), str(error), getattr(error, "code", None)
+        return type(error), str(error), getattr(error, "code", None), getattr(error, "subject", None)
 
 
-def observed(both: Both, script: Callable[[Line], None], *, direct: bool, timeout: float = PATIENT) -> list[Any]:
+def observed(
+    both: Both, script: Callable[[Line], None], *, direct: bool, prepared: bool = False, timeout: float = PATIENT
+) -> list[Any]:
     """Return the outcome of a call, of the following one, and the state of the connection."""
     with BadPeer(script) as peer:
         client = both.client(peer.url, timeout=timeout)
         if not direct:
             client._direct = None
-        seen = [outcome(both, client, f.variable_get_value, 3)]
+        variable = variable_of(both, client)
+        call = variable.get_value if prepared else partial(client.call, f.variable_get_value, 3)
+        seen = [outcome(both, call)]
         seen.append((client._conversation.serial, client.stray_replies))
         client.timeout = PATIENT
-        seen.append(outcome(both, client, f.controller_execute, 1, "Echo", "next"))
+        seen.append(outcome(both, partial(client.call, f.controller_execute, 1, "Echo", "next")))
         seen.append((client._conversation.serial, client.stray_replies))
         both.run(client.close())
     return seen
 
 
+@pytest.mark.parametrize("prepared", [False, True], ids=["call", "prepared"])
 @pytest.mark.parametrize("ends", [False, True], ids=["open", "closed"])
 @pytest.mark.parametrize("name", ANSWERS)
-def test_any_answer_has_the_same_outcome(both: Both, name: str, ends: bool) -> None:
+def test_any_answer_has_the_same_outcome(both: Both, name: str, ends: bool, prepared: bool) -> None:
     timeout = SHORT if name in ("nothing", "only stray") and not ends else PATIENT
     script = scripted(ANSWERS[name], ends=ends)
-    ours, theirs = (observed(both, script, direct=direct, timeout=timeout) for direct in (True, False))
+    ours, theirs = (
+        observed(both, script, direct=direct, prepared=prepared, timeout=timeout) for direct in (True, False)
+    )
     if ends:  # the end of the stream may be noticed by the send or by the receive
         ours[2] = theirs[2] = ours[2][0] == theirs[2][0]
         del ours[3], theirs[3]
@@ -119,8 +132,11 @@ def test_any_answer_has_the_same_outcome(both: Both, name: str, ends: bool) -> N
 def test_a_reply_that_ends_at_any_byte(both: Both) -> None:
     for count in range(len(reply(Packet(1, 0), POSE))):
         script = scripted(lambda request, count=count: [reply(request, POSE)[:count]], ends=True)
-        ours, theirs = (observed(both, script, direct=direct)[:2] for direct in (True, False))
-        assert ours == theirs
+        ours, theirs, prepared = (
+            observed(both, script, direct=direct, prepared=prepared)[:2]
+            for direct, prepared in ((True, False), (False, False), (True, True))
+        )
+        assert ours == theirs == prepared
 
 
 def test_a_late_reply_belongs_to_no_later_call(both: Both) -> None:
@@ -179,8 +195,8 @@ def test_a_peer_that_reads_nothing() -> None:
             client = both.client(peer.url, timeout=SHORT)
             if not direct:
                 client._direct = None
-            seen.append(outcome(both, client, f.variable_put_value, 3, bytes(15_000_000)))
-            seen.append(outcome(both, client, f.variable_get_value, 3))
+            seen.append(outcome(both, partial(client.call, f.variable_put_value, 3, bytes(15_000_000))))
+            seen.append(outcome(both, partial(client.call, f.variable_get_value, 3)))
         end.set()
     assert seen[:2] == seen[2:]
     assert "did not accept" in seen[0][1]
@@ -364,7 +380,8 @@ def test_prepared_commands_follow_the_settings_of_the_client(both: Both) -> None
             both.run(call("silence"))
         client.deadline = None
         assert both.run(call(2)) == 2
-        client.dialect, client.timeout = VE026A, SHORT
+        client.use_dialect(VE026A)
+        client.timeout = SHORT
         longest = VE026A.command_timeouts["motor"]
         assert longest > SHORT
         assert client.command_timeout("Motor") == longest
@@ -412,11 +429,63 @@ def test_cancelled_calls_leave_the_connection_usable(loop: str) -> None:
     run(body())
 
 
+@needs_extension
+@pytest.mark.skipif(not hasattr(EXTENSION, "call"), reason="the exchange in C is for Linux only")
+def test_frequent_calls_execute_no_python_functions_below_their_own() -> None:
+    """If a program sleeps between two calls, each Python function costs several times as much as in a loop."""
+    both = Both("sync")
+    functions: list[str] = []
+
+    def called(frame: FrameType, event: str, _: object) -> None:
+        if event == "call":
+            functions.append(frame.f_code.co_name)
+
+    with BadPeer(lambda line: line.serve(echo)) as peer:
+        client = both.client(peer.url, timeout=PATIENT)
+        robot, variable = robot_of(both, client), variable_of(both, client)
+        prepared = robot.prepare("slvMove")
+        for call, expected in (
+            (partial(robot.execute, "slvMove", POSE), ["execute"]),
+            (partial(prepared, POSE), ["__call__"]),
+            (variable.get_value, ["get_value"]),
+            (partial(variable.put_value, 5), ["put_value"]),
+        ):
+            call()
+            sys.setprofile(called)
+            call()
+            sys.setprofile(None)
+            assert functions == expected
+            functions.clear()
+        client.close()
+
+
+@needs_extension
+@pytest.mark.skipif(not hasattr(EXTENSION, "call"), reason="the exchange in C is for Linux only")
+def test_other_clients_and_other_arguments_use_the_python_function() -> None:
+    """The function in C reads the attributes of any object, and passes anything unusual to the function in Python."""
+    with BadPeer(lambda line: line.serve(echo)) as peer:
+        client = orinkit.open_client(peer.url, timeout=PATIENT)
+        call = client.prepare(f.controller_execute, 1, "Echo")
+        assert call_prepared_by_client(client, call, 5) == 5
+        assert call_prepared_by_client(client, call) is None
+        assert call_prepared_by_client(client, call, 5, 10) == 5
+        with pytest.raises(InvalidValue, match="timeout must be"):
+            call_prepared_by_client(client, call, 5, -1)
+        for arguments in ((), (client,), (None, call, 5), (client, None, 5), (object(), object(), object())):
+            with pytest.raises((TypeError, AttributeError)):
+                call_prepared_by_client(*arguments)
+        assert call_prepared_by_client(client, call, 6) == 6, "the lock was not released"
+        client.close()
+        with pytest.raises(ConnectionClosed):
+            call_prepared_by_client(client, call, 5)
+
+
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="Windows cannot signal a thread")
 def test_ctrl_c_during_a_prepared_call_closes_the_connection() -> None:
     asked = threading.Event()
 
     def script(line: Line) -> None:
+        line.send(echo(line.request()))
         line.request()
         asked.set()
         line.wait_for_end()
@@ -429,6 +498,7 @@ def test_ctrl_c_during_a_prepared_call_closes_the_connection() -> None:
     with BadPeer(script) as peer:
         client = orinkit.open_client(peer.url, timeout=PATIENT)
         call = Robot(client, 3, "Arm").prepare("slvMove")
+        assert call(POSE) == POSE
         interrupting = threading.Thread(target=interrupt)
         interrupting.start()
         with pytest.raises(KeyboardInterrupt):

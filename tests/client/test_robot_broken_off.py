@@ -16,7 +16,7 @@ import pytest
 
 import orinkit
 import orinkit.aio
-from orinkit.client._sync import connection
+from orinkit.client._sync import client, connection, objects
 from orinkit.core.speedups import PURE
 from orinkit.values.poses import J
 from orinkit.virtual.rc8 import VirtualRC8
@@ -67,8 +67,10 @@ def test_ctrl_c_the_moment_the_call_has_been_sent(
     url: str, device: VirtualRC8, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """This includes UDP, where a link that is closed immediately could not send the closing request."""
-    for name in ("call", "call_prepared"):  # the extension in C sends and receives in one step
-        monkeypatch.setattr(connection, name, PURE[name])
+    # the extension in C sends and receives in one step
+    monkeypatch.setattr(connection, "call", PURE["call"])
+    monkeypatch.setattr(client, "call_prepared", PURE["call_prepared"])
+    monkeypatch.setattr(objects, "call_prepared_by_client", PURE["call_prepared_by_client"])
 
     def interrupt(_frame: FrameType, event: str, function: object) -> None:
         sender = isinstance(getattr(function, "__self__", None), socket.socket | FileIO)

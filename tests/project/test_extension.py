@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = (
     "from orinkit.core import speedups; from orinkit.values import codec; print(speedups.status()); print(codec.encode)"
 )
-INTERFACE = {2: "df22562e3c457f66"}
+INTERFACE = {3: "96e631bef309d376"}
 """Number of the interface between C and Python, and a digest of it: functions, attributes, formats of arguments."""
 OTHER_VERSION = "import orinkit.core._speedups as other; {change}; "
 
@@ -75,7 +76,8 @@ def test_a_change_of_the_interface_has_a_new_number():
     """Otherwise, an extension that was built before the change would be used, and would fail."""
     sources = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "csrc").glob("*.[ch]")))
     functions = re.findall(r'{"(\w+)", [^}]*METH_[^}]*}', sources)
-    attributes = re.findall(r'{&s->n_\w+, "(\w+)"}', sources)
+    (names,) = re.findall(r"ATTRIBUTE_NAMES.* = {([^}]*)}", sources)
+    attributes = re.findall(r'"(\w+)"', names)
     formats = re.findall(r'PyArg_ParseTuple\(\w+, "([^"]*)"', sources)
     counts = re.findall(r"return (keep\(.*\));", sources)
     assert len(functions) > 10 < len(attributes)
@@ -88,17 +90,19 @@ def test_a_change_of_the_interface_has_a_new_number():
 
 @needs_extension
 def test_each_function_in_c_has_a_counterpart_in_python():
+    import orinkit.client._sync.client
     import orinkit.transport.direct
 
     names = set(speedups.PURE)
     assert names == {
         "encode", "encode_variant", "encode_integer", "encode_string", "encode_single", "decode",
-        "encode_request", "call", "call_prepared",
+        "encode_request", "call", "call_prepared", "call_prepared_by_client",
     }  # fmt: skip
     for name in names:
-        module = (
-            orinkit.transport.direct if name.startswith("call") else requests if name == "encode_request" else codec
-        )
+        module: Any = {
+            "call": orinkit.transport.direct, "call_prepared": orinkit.transport.direct,
+            "call_prepared_by_client": orinkit.client._sync.client, "encode_request": requests,
+        }.get(name, codec)  # fmt: skip
         assert getattr(module, name) is not speedups.PURE[name] or not hasattr(speedups.EXTENSION, name)
 
 

@@ -59,11 +59,14 @@ class BcapConversation:
         stray_replies: number of replies that did not belong to the current call: late, repeated, or for another client.
         trace: callback invoked with every packet; ``None`` for no callback. Set before the first call.
         profile: the b-CAP transport profile.
+        serial: serial number of the next request; may be set after another process has sent requests on the same link.
         direct: True if the next call may be a direct one (:meth:`begin`): on a stream without trace, while no received
             bytes are left in the framer.
         echoes_reserved: True if the last reply repeated the reserved field of its request; a VE026A does this over UDP
             and serial lines.
     """
+
+    __slots__ = ("__dict__", "__weakref__", "_limits", "direct", "serial")  # the extension reads slots faster
 
     def __init__(
         self,
@@ -81,7 +84,7 @@ class BcapConversation:
         self._framer = profile.framer(self._limits)
         self._most = self._limits.packet
         self._tail = profile.tail
-        self._serial = 1
+        self.serial = 1
         self.echoes_reserved = False
         self._stopped = True  # no Service_Stop is necessary: it has been sent, or no request has been sent
         self.dialect = dialect
@@ -97,15 +100,6 @@ class BcapConversation:
         self._dialect = dialect
         if dialect.vt_error_size != self._limits.vt_error_size:
             self._limits = replaced(self._limits, vt_error_size=dialect.vt_error_size)
-
-    @property
-    def serial(self) -> int:
-        """Serial number of the next request; may be set after another process has sent requests on the same link."""
-        return self._serial
-
-    @serial.setter
-    def serial(self, number: int) -> None:
-        self._serial = number
 
     @property
     def skipped_bytes(self) -> int:
@@ -233,9 +227,9 @@ class BcapConversation:
         Raises:
             InvalidValue: If an argument does not fit its type; no serial has been used.
         """
-        serial = self._serial
+        serial = self.serial
         request = self._request(function, arguments, serial, 0)
-        self._serial = serial % 0xFFFF + 1
+        self.serial = serial % 0xFFFF + 1
         return serial, request
 
     def begin_prepared(self, template: RequestTemplate, value: Any) -> tuple[int, bytes] | None:
@@ -243,11 +237,11 @@ class BcapConversation:
 
         In the latter case, the caller uses :meth:`begin`; no serial has been used.
         """
-        serial = self._serial
+        serial = self.serial
         request = template.request(serial, value)
         if request is None:
             return None
-        self._serial = serial % 0xFFFF + 1
+        self.serial = serial % 0xFFFF + 1
         return serial, request
 
     def finish(
@@ -378,7 +372,7 @@ class BcapConversation:
         """
         serial = _serial_of(data)
         if serial:
-            self._serial = serial % 0xFFFF + 1
+            self.serial = serial % 0xFFFF + 1
         self._stopped = False
         timer = CallTimer("raw", None, self._clock)
         if self.trace is not None:
@@ -425,8 +419,8 @@ class BcapConversation:
         return [(self._request(service_stop, (), serial, first), 0.0) for serial in serials]
 
     def _take_serial(self) -> int:
-        serial = self._serial
-        self._serial = serial % 0xFFFF + 1
+        serial = self.serial
+        self.serial = serial % 0xFFFF + 1
         return serial
 
     def _request(self, function: Function[..., Any], arguments: tuple[Any, ...], serial: int, first: int) -> bytes:

@@ -16,7 +16,8 @@ from orinkit.core.i18n import tr
 F = TypeVar("F", bound=Callable[..., Any])
 
 _STALE: Final = "INTERFACE"
-INTERFACE: Final = 2
+_COROUTINE: Final = 0x80  # inspect.CO_COROUTINE; importing inspect takes longer than orinkit.core
+INTERFACE: Final = 3
 """Number of the interface of the extension that the modules in Python expect (``csrc/speedups.h``)."""
 
 
@@ -42,12 +43,22 @@ PURE: Final[dict[str, Callable[..., Any]]] = {}
 """The Python functions that have a counterpart in C, by name."""
 
 
-def replaced_in_c(function: F) -> F:
-    """Return the counterpart of a function in C; return the function itself if the extension is not used."""
-    PURE[function.__name__] = function
+def replaced_in_c(function: F, name: str = "") -> F:
+    """Return the counterpart of a function in C; return the function itself if the extension is not used.
+
+    Coroutine functions have no counterpart.
+
+    Args:
+        function: The function.
+        name: Name of the counterpart; by default, that of the function.
+    """
+    if function.__code__.co_flags & _COROUTINE:
+        return function
+    name = name or function.__name__
+    PURE[name] = function
     if EXTENSION is None:
         return function
-    counterpart: F = EXTENSION.replaced(function.__name__, function)
+    counterpart: F = EXTENSION.replaced(name, function)
     return counterpart
 
 

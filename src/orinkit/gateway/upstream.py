@@ -126,7 +126,7 @@ class Upstream:
             dead_after=self.dead_after,
         )
         try:
-            client.dialect = self.spoken
+            client.use_dialect(self.spoken)
             option = service_option(self.service, client.profile, client.dialect, client.timeout)
             await client.call(f.service_start, option)
             handle = await client.call(f.controller_connect, *wanted)

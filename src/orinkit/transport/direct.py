@@ -18,7 +18,7 @@ received bytes may be lost, so that the caller closes the link (:func:`break_off
 
 The extension in C (:mod:`orinkit.core.speedups`) replaces :func:`call` and :func:`call_prepared` if the link has the
 attribute ``kernel_seconds``, and calls the functions here for other links. With the other paths, it shares
-``conversation._serial`` (1 to 65535, incremented once per request, before sending), and the socket of the link.
+``conversation.serial`` (1 to 65535, incremented once per request, before sending), and the socket of the link.
 """
 
 from __future__ import annotations

@@ -352,7 +352,7 @@ async def connect(
     )  # fmt: skip
     try:
         client.set_overall_deadline(client.connection_deadline() if deadline is None else end.left)
-        client.dialect = known or client.dialect
+        client.use_dialect(known or client.dialect)
         tries_are_signs = alive is not None and client.profile.lossy  # S_EXECUTING would postpone the next attempt
         if tries_are_signs:
             check_no_watchdog(service)
@@ -365,7 +365,7 @@ async def connect(
             and (client.profile.shared or client.echoes_reserved)
             and is_ve026a(await _version(controller))
         ):
-            client.dialect = VE026A
+            client.use_dialect(VE026A)
         if alive is not None:
             await client.start_keep_alive(alive, handle)
         client.set_overall_deadline(None)

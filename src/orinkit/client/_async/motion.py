@@ -42,9 +42,10 @@ class AsyncMotionTracker:
         paused: True if this program has paused the motion.
         at_rest: True if the arm is certainly at standstill, because it was halted and no motion has been commanded
             since.
+        forgotten: True if ``sure`` and ``at_rest`` are False.
     """
 
-    __slots__ = ("at_rest", "halted", "newest", "passing", "paused", "replied", "running", "sure")
+    __slots__ = ("_at_rest", "_sure", "forgotten", "halted", "newest", "passing", "paused", "replied", "running")
 
     def __init__(self) -> None:
         self.newest = 0
@@ -52,13 +53,31 @@ class AsyncMotionTracker:
         self.halted = 0
         self.running: AsyncMotion | None = None
         self.passing = False
-        self.sure = False
         self.paused = False
-        self.at_rest = False
+        self.forget()
+
+    @property
+    def sure(self) -> bool:
+        return self._sure
+
+    @sure.setter
+    def sure(self, known: bool) -> None:
+        self._sure = known
+        self.forgotten = not (self._sure or self._at_rest)
+
+    @property
+    def at_rest(self) -> bool:
+        return self._at_rest
+
+    @at_rest.setter
+    def at_rest(self, known: bool) -> None:
+        self._at_rest = known
+        self.forgotten = not (self._sure or self._at_rest)
 
     def forget(self) -> None:
         """Record that a command may move the arm."""
-        self.at_rest = self.sure = False
+        self._at_rest = self._sure = False
+        self.forgotten = True
 
 
 class AsyncArmBase(AsyncObjectContainer):
@@ -142,8 +161,7 @@ class AsyncArmBase(AsyncObjectContainer):
 
     def _command(self, prepared: PreparedFunction, command: str) -> PreparedCommand:
         holding = str(command).strip().lower() in HOLDING_COMMANDS
-        before = None if holding else self._track.forget
-        return PreparedCommand(prepared.function, (self.handle, command), prepared.template, before, sendable)
+        return PreparedCommand(prepared, None if holding else self._track, sendable)
 
     async def halt(self, option: str = "") -> None:
         """Stop and abort the motion.

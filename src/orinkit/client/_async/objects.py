@@ -10,7 +10,7 @@ from weakref import WeakValueDictionary
 
 from orinkit.cao import functions as f
 from orinkit.cao.table import Function
-from orinkit.client._async.client import AsyncClient
+from orinkit.client._async.client import AsyncClient, call_prepared_by_client
 from orinkit.client._shared.common import ObjectFunctions, text_list
 from orinkit.client._shared.prepared import MOST_COMMANDS, PreparedCommand, PreparedFunction
 from orinkit.core.closing import AsyncClosing
@@ -78,16 +78,6 @@ class AsyncObjectBase(AsyncClosing):
     def _require_open(self) -> None:
         if not self._open:  # the handle may belong to another object by now
             raise ObjectReleased(tr("{object!r} was used after it was closed. Try: connect to it again", object=self))
-
-    async def _call_prepared(self, call: PreparedFunction, value: Any = None, timeout: float | None = None) -> Any:
-        """Make a prepared call of this object, as :meth:`_call`."""
-        if not self._open:
-            self._require_open()
-        try:
-            return await self.client.call_prepared(call, value, timeout)
-        except CallError as error:
-            error.subject = self._label
-            raise
 
     async def _child(self, kind: type[N], function: Function[..., int], name: str, option: str) -> N:
         self._require_open()
@@ -198,15 +188,21 @@ class AsyncVariable(AsyncNamedObject):
 
     async def get_value(self) -> Any:
         """Return the value, converted to Python types (:mod:`orinkit.values.variant`)."""
-        if self._getting is None:
-            self._getting = self.client.prepare(f.variable_get_value, self.handle)
-        return await self._call_prepared(self._getting)
+        prepared = self._getting
+        if prepared is None or not self._open:
+            self._getting = prepared = self._prepare(f.variable_get_value)
+        return await call_prepared_by_client(self.client, prepared, None)
 
     async def put_value(self, value: Value) -> None:
         """Set the value."""
-        if self._putting is None:
-            self._putting = self.client.prepare(f.variable_put_value, self.handle)
-        await self._call_prepared(self._putting, value)
+        prepared = self._putting
+        if prepared is None or not self._open:
+            self._putting = prepared = self._prepare(f.variable_put_value)
+        await call_prepared_by_client(self.client, prepared, value)
+
+    def _prepare(self, function: Function[..., Any]) -> PreparedFunction:
+        self._require_open()
+        return self.client.prepare(function, self.handle, subject=self._label)
 
     async def get_date_time(self) -> Any:
         """Return the time at which the value was sampled, as a ``datetime`` in the controller's local time."""
@@ -247,7 +243,11 @@ class AsyncPreparedCall:
             ConnectionLost: If the connection broke.
             ObjectReleased: If the object is closed.
         """
-        return await self._owner._execute(self._prepared, parameter)
+        owner, prepared = self._owner, self._prepared
+        client, changes = owner.client, prepared.changes
+        if owner._open and prepared.short_in is client.dialect and (changes is None or changes.forgotten):
+            return await call_prepared_by_client(client, prepared, parameter)
+        return await owner._execute(prepared, parameter)
 
 
 class AsyncObjectContainer(AsyncNamedObject):
@@ -278,6 +278,10 @@ class AsyncObjectContainer(AsyncNamedObject):
                 and sends them as text.
         """
         known = self._commands.get(command) if type(command) is str else None
+        if known is not None:  # the frequent case without further calls of Python functions, see _execute()
+            client, changes = self.client, known.changes
+            if self._open and known.short_in is client.dialect and (changes is None or changes.forgotten):
+                return await call_prepared_by_client(client, known, parameter)
         return await self._execute(known or self._prepare(command), parameter)
 
     def prepare(self, command: str) -> AsyncPreparedCall:
@@ -298,21 +302,21 @@ class AsyncObjectContainer(AsyncNamedObject):
         assert self.functions.execute is not None
         if len(self._commands) >= MOST_COMMANDS:
             self._commands.clear()
-        made = self._command(self.client.prepare(self.functions.execute, self.handle, command), command)
+        prepared = self.client.prepare(self.functions.execute, self.handle, command, subject=self._label)
+        made = self._command(prepared, command)
         if type(command) is str:
             self._commands[command] = made
         return made
 
     def _command(self, prepared: PreparedFunction, command: str) -> PreparedCommand:
-        return PreparedCommand(prepared.function, (self.handle, command), prepared.template)
+        return PreparedCommand(prepared)
 
     async def _execute(self, command: PreparedCommand, parameter: Value) -> Any:
         """Execute a prepared command."""
+        self._require_open()
         client = self.client
-        if command.before is not None:
-            command.before()
-        if command.dialect is not client.dialect:
-            command.dialect = client.dialect
-            command.is_long = client.command_timeout(command.command) is not None
-        seconds = client.command_timeout(command.command) if command.is_long else None
-        return await self._call_prepared(command, parameter, seconds)
+        seconds = client.command_timeout(command.command)
+        command.short_in = client.dialect if seconds is None else None
+        if command.changes is not None:
+            command.changes.forget()
+        return await client.call_prepared(command, parameter, seconds)

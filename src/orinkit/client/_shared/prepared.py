@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from orinkit.bcap.client import BcapConversation
 from orinkit.bcap.direct import RequestTemplate
@@ -25,80 +25,93 @@ class PreparedFunction:
         function: Function of CAO.
         constants: All arguments, or all but the last one.
         template: The template of its packets; ``None`` if each call encodes all arguments.
+        subject: Name of the object whose function is called, for the messages of errors.
         varies: True if the last argument is not one of the constants.
 
     Attributes:
         function: Function of CAO.
+        constants: The constant arguments.
         template: The template of the packets.
+        subject: Name of the object.
     """
 
-    __slots__ = ("_constants", "_varies", "function", "template")
+    __slots__ = ("_varies", "constants", "function", "subject", "template")
 
     def __init__(
         self,
         function: Function[..., Any],
         constants: tuple[Any, ...],
         template: RequestTemplate | None = None,
+        subject: str = "",
         *,
         varies: bool = False,
     ) -> None:
         self.function = function
+        self.subject = subject
         self.template = template
-        self._constants = constants
+        self.constants = constants
         self._varies = varies
 
     def arguments(self, value: Any) -> tuple[Any, ...]:
         """Return all arguments of a call with this value of the varying argument."""
-        return (*self._constants, value) if self._varies else self._constants
+        return (*self.constants, value) if self._varies else self.constants
 
     @property
     def handle(self) -> int:
         """Handle of the object whose function is called."""
-        handle: int = self._constants[0]
+        handle: int = self.constants[0]
         return handle
+
+
+class Knowledge(Protocol):
+    """Knowledge of a client about an object; a command may invalidate it.
+
+    Attributes:
+        forgotten: True if there is none since the last :meth:`forget`.
+    """
+
+    forgotten: bool
+
+    def forget(self) -> None:
+        """Record that a command may have changed the object."""
 
 
 class PreparedCommand(PreparedFunction):
     """An extended command of an object, with its parameter as the varying argument.
 
     Args:
-        function: The Execute function of the object type.
-        constants: Handle of the object, and name of the command.
-        template: The template of its packets.
-        before: Callback invoked before each call; ``None`` for none.
+        prepared: The call of the Execute function of the object; its constants are the handle, and the name of the command.
+        changes: Knowledge that each call invalidates; ``None`` for none.
         convert: Callback that converts parameters for which the template has no layout; ``None`` for none.
 
     Attributes:
-        before: Callback invoked before each call.
-        dialect: Dialect for which ``is_long`` is valid; ``None`` before the first call.
-        is_long: True if the dialect has a time-out for this command.
+        changes: Knowledge that each call invalidates.
+        short_in: Dialect in which the time-out of the client is sufficient; ``None`` before the first call, or if the
+            command requires a time-out of its own.
     """
 
-    __slots__ = ("_convert", "before", "dialect", "is_long")
+    __slots__ = ("_convert", "changes", "short_in")
 
     def __init__(
         self,
-        function: Function[..., Any],
-        constants: tuple[int, str],
-        template: RequestTemplate | None,
-        before: Callable[[], None] | None = None,
+        prepared: PreparedFunction,
+        changes: Knowledge | None = None,
         convert: Callable[[Any], Any] | None = None,
     ) -> None:
-        super().__init__(function, constants, template, varies=True)
+        super().__init__(prepared.function, prepared.constants, prepared.template, prepared.subject, varies=True)
         self._convert = convert
-        self.before = before
-        self.dialect: Dialect | None = None
-        self.is_long = False
+        self.changes = changes
+        self.short_in: Dialect | None = None
 
     @property
     def command(self) -> str:
         """Name of the command."""
-        name: str = self._constants[1]
+        name: str = self.constants[1]
         return name
 
     def arguments(self, value: Any) -> tuple[Any, ...]:
         """Return all arguments of a call with this parameter."""
-        return (*self._constants, value if self._convert is None else self._convert(value))
+        return (*self.constants, value if self._convert is None else self._convert(value))
 
 
 def directly_usable(

@@ -45,7 +45,9 @@ from orinkit.client._shared.prepared import PreparedFunction, directly_usable
 from orinkit.client._sync.connection import Connection
 from orinkit.core import hresult
 from orinkit.core.errors import CallError
+from orinkit.core.speedups import replaced_in_c
 from orinkit.rc8.motion_calls import MOVING
+from orinkit.transport.direct import Unfinished, call_prepared
 from orinkit.transport.fork_safety import keep_from_children
 from orinkit.transport.keepalive import KeepAlive, try_acquire
 from orinkit.transport.links import open_link
@@ -92,7 +94,11 @@ class Client(Connection):
         alive: Interval in s within which the server requires a sign of life of this client while its arm moves;
             ``None`` if the client has not requested this.
         deadline: Maximum duration of a call in s, regardless of S_EXECUTING; ``None`` (the default) for no limit.
+        dialect: Dialect of the controller; set with :meth:`use_dialect`.
     """
+
+    # the extension in C reads slots faster than __dict__
+    __slots__ = ("__dict__", "__weakref__", "_deadline", "_direct", "_end", "_lock", "_timeout", "dialect")
 
     def __init__(
         self,
@@ -129,7 +135,7 @@ class Client(Connection):
         # on these transports, the server cannot detect the end of a client without signs of life
         self._sends_signs = bool(profile.session_timeout or profile.shared)
         self._direct = directly_usable(self._conversation, link, self._local, signs=self._sends_signs)
-        self._dialect = self._conversation.dialect
+        self.dialect: Dialect = self._conversation.dialect
         self._session_deadline = (
             Deadline(profile.session_timeout) if profile.session_timeout else None
         )  # passes when the controller may have ended the session of this client
@@ -164,14 +170,9 @@ class Client(Connection):
     def tries(self, number: int) -> None:
         self._tries = check_tries(number)
 
-    @property
-    def dialect(self) -> Dialect:
-        """The dialect of the controller. May be set."""
-        return self._dialect
-
-    @dialect.setter
-    def dialect(self, dialect: Dialect) -> None:
-        self._dialect = self._conversation.dialect = dialect
+    def use_dialect(self, dialect: Dialect) -> None:
+        """Set the dialect of the controller."""
+        self.dialect = self._conversation.dialect = dialect
 
     @property
     def echoes_reserved(self) -> bool:
@@ -289,30 +290,49 @@ class Client(Connection):
         seconds = self._timeout if timeout is None else check_timeout(timeout)
         self._lock.acquire()
         try:
-            direct = self._direct
+            direct, template = self._direct, call.template
             if (
                 direct is not None
-                and call.template is not None
+                and template is not None
                 and direct.direct
                 and self._deadline is None
                 and self._end is None
             ):
-                outcome = self._call_directly(direct, call, value, seconds)
+                link: Any = self._link  # of the type that directly_usable() has checked
+                serial = direct.serial
+                try:
+                    outcome = call_prepared(direct, link, call.function, template, value, seconds)
+                    if isinstance(outcome, Unfinished):
+                        outcome = self._resume(call.function, call.arguments(value), seconds, outcome)
+                except BaseException as error:
+                    self._failed_prepared(call, error, serial)
+                    raise
                 if outcome is not None:
                     return outcome[1]
             return (self._execute(call.function, call.arguments(value), seconds))[1]
+        except CallError as error:
+            error.subject = call.subject
+            raise
         finally:
             self._lock.release()
 
-    def prepare(self, function: Function[..., Any], *constants: Any) -> PreparedFunction:
+    def _failed_prepared(self, call: PreparedFunction, error: BaseException, serial: int) -> None:
+        """Complete the exception of a prepared call on the direct path; close the link if it cannot be used any more."""
+        if isinstance(error, CallError):
+            error.subject = call.subject
+        self._break_off(error, serial)
+
+    def prepare(self, function: Function[..., Any], *constants: Any, subject: str = "") -> PreparedFunction:
         """Prepare calls of a function whose last argument alone varies, or whose arguments are all constant.
 
         Args:
             function: Function of CAO (:mod:`orinkit.cao.functions`).
             constants: All arguments, or all but the last one.
+            subject: Name of the object whose function is called, for the messages of errors.
         """
         template = None if self._direct is None else self._direct.template(function, constants)
-        return PreparedFunction(function, constants, template, varies=len(constants) < len(function.arguments))
+        varies = len(constants) < len(function.arguments)
+        return PreparedFunction(function, constants, template, subject, varies=varies)
 
     def request(
         self,
@@ -391,9 +411,7 @@ class Client(Connection):
     ) -> tuple[int, Any]:
         direct = self._direct
         if direct is not None and direct.direct and deadline is None and self._deadline is None and self._end is None:
-            reply = self._call_directly(direct, PreparedFunction(function, arguments), None, seconds, exact=exact)
-            assert reply is not None  # only templates cause None
-            return reply
+            return self._call_directly(direct, function, arguments, seconds, exact)
         if self._local is not None:
             local = self._local.reply(function, arguments, exact)
             if local is not None:
@@ -541,3 +559,7 @@ class Client(Connection):
         finally:  # close the links even if this is cancelled or interrupted
             link.close()
             self._link.close()
+
+
+call_prepared_by_client = replaced_in_c(Client.call_prepared, "call_prepared_by_client")
+"""The function that objects call; the extension in C replaces it in the synchronous client."""

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from orinkit.bcap.client import BcapConversation
-from orinkit.client._shared.prepared import PreparedFunction
+from orinkit.cao.table import Function
 from orinkit.core.closing import Closing
 from orinkit.core.errors import ConnectFailed, ConnectionLost, OrinError, ProtocolError
-from orinkit.transport.direct import Outcome, Unfinished, break_off, call, call_prepared
+from orinkit.transport.direct import Unfinished, break_off, call
 from orinkit.transport.runner import DetachedLink, Link, Operation, run
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ class Connection(Closing):
         link: Link to the controller.
         conversation: Client side of the protocol, without input and output.
     """
+
+    __slots__ = ("_conversation", "_link")
 
     def __init__(self, link: Link, conversation: AnyConversation) -> None:
         self._link: Link = link
@@ -51,47 +53,61 @@ class Connection(Closing):
     def _call_directly(
         self,
         conversation: BcapConversation,
-        prepared: PreparedFunction,
-        value: Any,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
         seconds: float,
-        *,
-        exact: bool = False,
-    ) -> tuple[int, Any] | None:
+        exact: bool,
+    ) -> tuple[int, Any]:
         """Make a call on the direct path (:mod:`orinkit.transport.direct`).
 
         Args:
             conversation: State of the protocol.
-            prepared: The call.
-            value: Its varying argument.
+            function: Function of CAO.
+            arguments: All arguments.
             seconds: Time-out, s.
             exact: True to return the result as a Variant.
 
         Returns:
-            Return code and result; ``None`` if the template of the call has no layout for the value, so that nothing
-            was sent.
+            Return code and result.
         """
         link: Any = self._link  # of the type that directly_usable() has checked
         serial = conversation.serial
-        function, template = prepared.function, prepared.template
-        outcome: Outcome | None
         try:
-            if template is None:
-                outcome = call(conversation, link, function, prepared.arguments(value), seconds, exact)
-            else:
-                outcome = call_prepared(conversation, link, function, template, value, seconds)
+            outcome = call(conversation, link, function, arguments, seconds, exact)
             if isinstance(outcome, Unfinished):
-                operation = conversation.resume(
-                    outcome.serial, function, prepared.arguments(value), seconds, outcome.received, exact=exact
-                )
-                return self._run(operation, outcome.end)
-        except OrinError as error:
-            self._close_if_lost(error)
-            raise
-        except BaseException:
-            if conversation.serial != serial:  # the request was sent
-                break_off(link)
+                return self._resume(function, arguments, seconds, outcome, exact)
+        except BaseException as error:
+            self._break_off(error, serial)
             raise
         return outcome
+
+    def _resume(
+        self,
+        function: Function[..., Any],
+        arguments: tuple[Any, ...],
+        seconds: float,
+        unfinished: Unfinished,
+        exact: bool = False,
+    ) -> tuple[int, Any]:
+        """Continue a call that the direct path has not finished."""
+        conversation: Any = self._conversation  # of the type that directly_usable() has checked
+        operation: Operation[tuple[int, Any]] = conversation.resume(
+            unfinished.serial, function, arguments, seconds, unfinished.received, exact=exact
+        )
+        return self._run(operation, unfinished.end)
+
+    def _break_off(self, error: BaseException, serial: int) -> None:
+        """Close the link after a failed direct call if the connection cannot be used any more.
+
+        Args:
+            error: The exception with which the call failed.
+            serial: Serial number of the next request before the call; it is unchanged if nothing was sent.
+        """
+        if isinstance(error, OrinError):
+            self._close_if_lost(error)
+        elif self._conversation.serial != serial:
+            link: Any = self._link
+            break_off(link)
 
     def _close_if_lost(self, error: OrinError) -> None:
         """Close the link if the connection cannot be used any more after an error."""

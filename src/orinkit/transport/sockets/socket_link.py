@@ -30,6 +30,8 @@ class SocketLink(ProcessBound):
         kernel_seconds: Time-out that :meth:`use_kernel_timeout` has set, s; -1 if the socket is in another mode.
     """
 
+    __slots__ = ("descriptor", "kernel_seconds")  # the extension in C reads slots faster than __dict__
+
     datagrams = False
 
     def __init__(self, connection: socket.socket) -> None:
