@@ -63,15 +63,16 @@ def bare_socket(port: int) -> Callable[[], object]:
 
 
 def natural(connection: Any) -> dict[str, Callable[[], Any]]:
-    """Return what programs call, on one connection: the same names in both clients."""
+    """Return what programs call, on one connection: functions in Python, as in programs."""
     robot, variable = connection.robot(), connection.variable("D1")
     found: dict[str, Callable[[], Any]] = {
-        "execute": partial(robot.execute, "slvMove", POSE),
+        "execute": lambda: robot.execute("slvMove", POSE),
         "read a variable": lambda: variable.value,
         "write a variable": lambda: setattr(variable, "value", VALUE),
     }
     if hasattr(robot, PREPARE):
-        found["prepared"] = partial(robot.prepare("slvMove"), POSE)
+        slv_move = robot.prepare("slvMove")
+        found["prepared"] = lambda: slv_move(POSE)
     return found
 
 

@@ -6,7 +6,7 @@ static const char *const ATTRIBUTE_NAMES[ATTRIBUTES] = {
     "id", "type", "value", "packet", "depth", "variants", "vt_error_size",
     "serial", "_limits", "begin", "finish", "result", "native", "descriptor", "kernel_seconds", "use_kernel_timeout",
     "finish_exchange", "fail",
-    "_direct", "_deadline", "_end", "_timeout", "_link", "_lock", "function", "template", "direct", "acquire", "release",
+    "_direct", "_deadline", "_end", "_timeout", "_link", "_lock", "function", "direct", "acquire", "release",
     "arguments", "_resume", "_failed_prepared",
 };
 
@@ -21,7 +21,7 @@ int set_names(State *state)
 }
 
 /* Return whether the attribute of objects of a type is a slot that Python code may write; store its place. */
-static bool find_slot(State *state, PyTypeObject *type, Attribute number)
+COLD static bool find_slot(State *state, PyTypeObject *type, Attribute number)
 {
     if (type->tp_getattro != PyObject_GenericGetAttr)
         return false;
@@ -44,20 +44,20 @@ static bool find_slot(State *state, PyTypeObject *type, Attribute number)
 }
 
 /* Return the place of a slot, NULL if the attribute is not in a slot. */
-static PyObject **slot_of(State *state, PyObject *object, Attribute number)
+HOT static PyObject **slot_of(State *state, PyObject *object, Attribute number)
 {
     if ((PyObject *)Py_TYPE(object) != state->owners[number] && !find_slot(state, Py_TYPE(object), number))
         return NULL;
     return (PyObject **)((char *)object + state->offsets[number]);
 }
 
-PyObject *get_attribute(State *state, PyObject *object, Attribute number)
+HOT PyObject *get_attribute(State *state, PyObject *object, Attribute number)
 {
     PyObject **slot = slot_of(state, object, number);
     return slot != NULL && *slot != NULL ? Py_NewRef(*slot) : PyObject_GetAttr(object, state->names[number]);
 }
 
-Outcome set_attribute(State *state, PyObject *object, Attribute number, PyObject *value)
+HOT Outcome set_attribute(State *state, PyObject *object, Attribute number, PyObject *value)
 {
     PyObject **slot = slot_of(state, object, number);
     if (slot == NULL)

@@ -2,35 +2,37 @@
 #include "speedups.h"
 
 #ifdef WITH_EXCHANGE
-/* What a call reads from the client and from the prepared call. */
+/* A call, and what it reads from the client and from the prepared call. */
 typedef struct {
-    PyObject *client, *prepared, *value; /* borrowed */
-    PyObject *conversation, *deadline, *end, *seconds, *link, *function, *template, *serial;
+    PreparedCall call;
+    PyObject *client;                                                              /* borrowed */
+    PyObject *conversation, *link, *deadline, *end, *seconds, *native, *serial; /* references */
 } ClientCall;
 
-static void release_parts(ClientCall *call)
+HOT static void release_parts(ClientCall *parts)
 {
-    for (PyObject **part = &call->conversation; part <= &call->serial; part++)
+    for (PyObject **part = &parts->conversation; part <= &parts->serial; part++)
         Py_XDECREF(*part);
 }
 
 /* Return whether the call may take the direct path, as Client.call_prepared in Python does. */
-static Outcome read_parts(State *state, ClientCall *call)
+HOT static Outcome read_parts(State *state, ClientCall *parts)
 {
-    call->conversation = get_attribute(state, call->client, A_CONVERSATION);
-    call->deadline = get_attribute(state, call->client, A_DEADLINE);
-    call->end = get_attribute(state, call->client, A_END);
-    call->seconds = get_attribute(state, call->client, A_TIMEOUT);
-    call->link = get_attribute(state, call->client, A_LINK);
-    call->function = get_attribute(state, call->prepared, A_FUNCTION);
-    call->template = get_attribute(state, call->prepared, A_TEMPLATE);
-    for (PyObject **part = &call->conversation; part <= &call->template; part++)
+    PreparedCall *call = &parts->call;
+    call->conversation = parts->conversation = get_attribute(state, parts->client, A_CONVERSATION);
+    call->link = parts->link = get_attribute(state, parts->client, A_LINK);
+    call->seconds = parts->seconds = get_attribute(state, parts->client, A_TIMEOUT);
+    parts->deadline = get_attribute(state, parts->client, A_DEADLINE);
+    parts->end = get_attribute(state, parts->client, A_END);
+    parts->native = get_attribute(state, call->prepared, A_NATIVE);
+    for (PyObject **part = &parts->conversation; part <= &parts->native; part++)
         if (*part == NULL)
             return FAILED;
-    if (call->conversation == Py_None || call->template == Py_None || call->deadline != Py_None || call->end != Py_None)
+    call->template = template_in(parts->native);
+    if (call->template == NULL || parts->conversation == Py_None || parts->deadline != Py_None || parts->end != Py_None)
         return UNUSUAL;
-    PyObject *direct = get_attribute(state, call->conversation, A_DIRECT);
-    if (direct == NULL || (call->serial = get_attribute(state, call->conversation, A_SERIAL)) == NULL) {
+    PyObject *direct = get_attribute(state, parts->conversation, A_DIRECT);
+    if (direct == NULL || (parts->serial = get_attribute(state, parts->conversation, A_SERIAL)) == NULL) {
         Py_XDECREF(direct);
         return FAILED;
     }
@@ -39,25 +41,27 @@ static Outcome read_parts(State *state, ClientCall *call)
 }
 
 /* Let the client continue the call; the reference to what is unfinished is consumed. */
-static PyObject *resume(State *state, const ClientCall *call, PyObject *unfinished)
+COLD static PyObject *resume(State *state, const ClientCall *parts, PyObject *unfinished)
 {
-    PyObject *result = NULL;
-    PyObject *arguments = PyObject_CallMethodOneArg(call->prepared, state->names[A_ARGUMENTS], call->value);
-    if (arguments != NULL)
-        result = PyObject_CallMethodObjArgs(call->client, state->names[A_RESUME], call->function, arguments, call->seconds,
+    PyObject *prepared = parts->call.prepared, *result = NULL;
+    PyObject *function = get_attribute(state, prepared, A_FUNCTION);
+    PyObject *arguments = PyObject_CallMethodOneArg(prepared, state->names[A_ARGUMENTS], parts->call.value);
+    if (function != NULL && arguments != NULL)
+        result = PyObject_CallMethodObjArgs(parts->client, state->names[A_RESUME], function, arguments, parts->seconds,
                                             unfinished, NULL);
+    Py_XDECREF(function);
     Py_XDECREF(arguments);
     Py_DECREF(unfinished);
     return result;
 }
 
 /* Call a method of the client with the current exception, which remains set. */
-static void break_off(State *state, const ClientCall *call)
+COLD static void break_off(State *state, const ClientCall *parts)
 {
     PyObject *type, *error, *trace, *done;
     PyErr_Fetch(&type, &error, &trace);
     PyErr_NormalizeException(&type, &error, &trace);
-    done = PyObject_CallMethodObjArgs(call->client, state->names[A_FAILED], call->prepared, error, call->serial, NULL);
+    done = PyObject_CallMethodObjArgs(parts->client, state->names[A_FAILED], parts->call.prepared, error, parts->serial, NULL);
     if (done != NULL) {
         PyErr_Restore(type, error, trace);
         Py_DECREF(done);
@@ -68,59 +72,93 @@ static void break_off(State *state, const ClientCall *call)
     Py_XDECREF(trace);
 }
 
-/* Make the call while the lock of the client is held. Return its code and result; None if nothing was sent. */
-static PyObject *call_locked(State *state, ClientCall *call)
+/* Take the result of the call out of the pair of return code and result, whose reference is consumed. */
+COLD static Outcome take_result(PyObject *pair, PreparedCall *call)
 {
-    Outcome outcome = read_parts(state, call);
-    if (outcome != DONE)
-        return outcome == FAILED ? NULL : Py_NewRef(Py_None);
-    PyObject *const arguments[] = {call->conversation, call->link, call->function, call->template, call->value, call->seconds};
-    PyObject *result = exchange_prepared(state, arguments, 6);
-    if (result != NULL && (PyObject *)Py_TYPE(result) == state->unfinished)
-        result = resume(state, call, result);
-    if (result == NULL)
-        break_off(state, call);
-    return result;
+    if (pair == NULL)
+        return FAILED;
+    if (!PyTuple_CheckExact(pair) || PyTuple_GET_SIZE(pair) != 2)
+        PyErr_Format(PyExc_TypeError, "a pair was expected, not %R", pair);
+    else
+        call->result = Py_NewRef(PyTuple_GET_ITEM(pair, 1));
+    Py_DECREF(pair);
+    return call->result == NULL ? FAILED : DONE;
 }
 
-/* Call a method of the lock, also while an exception is set. */
-static Outcome use_lock(State *state, PyObject *lock, Attribute method)
+/* Make the call while the lock of the client is held. UNUSUAL: nothing was sent. */
+HOT static Outcome call_locked(State *state, ClientCall *parts)
 {
-    PyObject *type, *error, *trace;
-    PyErr_Fetch(&type, &error, &trace);
-    PyObject *done = PyObject_CallMethodNoArgs(lock, state->names[method]);
-    if (done == NULL) {
-        Py_XDECREF(type);
-        Py_XDECREF(error);
-        Py_XDECREF(trace);
+    Outcome outcome = read_parts(state, parts);
+    if (outcome != DONE)
+        return outcome;
+    PreparedCall *call = &parts->call;
+    outcome = exchange_prepared(state, call);
+    if (outcome == UNUSUAL && call->other != NULL) {
+        bool unfinished = (PyObject *)Py_TYPE(call->other) == state->unfinished;
+        outcome = take_result(unfinished ? resume(state, parts, call->other) : call->other, call);
+    }
+    if (outcome == FAILED)
+        break_off(state, parts);
+    return outcome;
+}
+
+/* Remember the methods of this type of locks. */
+COLD static Outcome learn_lock(State *state, PyTypeObject *type)
+{
+    PyObject *acquire = PyObject_GetAttr((PyObject *)type, state->names[A_ACQUIRE]);
+    PyObject *release = acquire == NULL ? NULL : PyObject_GetAttr((PyObject *)type, state->names[A_RELEASE]);
+    if (release == NULL) {
+        Py_XDECREF(acquire);
         return FAILED;
     }
-    Py_DECREF(done);
-    PyErr_Restore(type, error, trace);
+    Py_XSETREF(state->lock_type, Py_NewRef((PyObject *)type));
+    Py_XSETREF(state->lock_acquire, acquire);
+    Py_XSETREF(state->lock_release, release);
     return DONE;
 }
 
+/* Acquire or release the lock. As for attributes, the lookup of the method takes longer than the method. */
+HOT static Outcome use_lock(State *state, PyObject *lock, bool acquire)
+{
+    if ((PyObject *)Py_TYPE(lock) != state->lock_type && learn_lock(state, Py_TYPE(lock)) != DONE)
+        return FAILED;
+    PyObject *done = PyObject_CallOneArg(acquire ? state->lock_acquire : state->lock_release, lock);
+    Py_XDECREF(done);
+    return done == NULL ? FAILED : DONE;
+}
+
+/* Release the lock while an exception is set, which remains set. */
+COLD static void release_after_failure(State *state, PyObject *lock)
+{
+    PyObject *type, *error, *trace;
+    PyErr_Fetch(&type, &error, &trace);
+    if (use_lock(state, lock, false) != DONE)
+        PyErr_Clear();
+    PyErr_Restore(type, error, trace);
+}
+
 /* call_prepared_by_client(client, prepared, value) */
-PyObject *call_prepared_by_client(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+HOT PyObject *call_prepared_by_client(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
 {
     State *state = state_of(module);
     if (count != 3)
         return in_python(state, CALL_PREPARED_BY_CLIENT, arguments, count, NULL);
-    ClientCall call = {.client = arguments[0], .prepared = arguments[1], .value = arguments[2]};
-    PyObject *lock = get_attribute(state, call.client, A_LOCK), *result = NULL;
-    if (lock != NULL && use_lock(state, lock, A_ACQUIRE) == DONE) {
-        result = call_locked(state, &call);
-        if (use_lock(state, lock, A_RELEASE) != DONE)
-            Py_CLEAR(result);
+    ClientCall parts = {.client = arguments[0], .call = {.prepared = arguments[1], .value = arguments[2]}};
+    PyObject *lock = get_attribute(state, parts.client, A_LOCK);
+    Outcome outcome = lock == NULL ? FAILED : use_lock(state, lock, true);
+    if (outcome == DONE) {
+        outcome = call_locked(state, &parts);
+        if (outcome == FAILED)
+            release_after_failure(state, lock);
+        else if (use_lock(state, lock, false) != DONE)
+            outcome = FAILED;
     }
-    release_parts(&call);
+    release_parts(&parts);
     Py_XDECREF(lock);
-    if (result == Py_None) {
-        Py_DECREF(result);
+    if (outcome == UNUSUAL)
         return in_python(state, CALL_PREPARED_BY_CLIENT, arguments, count, NULL);
-    }
-    PyObject *value = result == NULL ? NULL : Py_NewRef(PyTuple_GET_ITEM(result, 1));
-    Py_XDECREF(result);
-    return value;
+    if (outcome == FAILED)
+        Py_CLEAR(parts.call.result);
+    return parts.call.result;
 }
 #endif

@@ -30,7 +30,7 @@ static bool read_limit(State *state, PyObject *limits, Attribute name, long long
     return !overflow && *number > LEAST;
 }
 
-Outcome read_limits(State *state, PyObject *limits, Limits *found)
+HOT Outcome read_limits(State *state, PyObject *limits, Limits *found)
 {
     if (limits != NULL && limits == state->seen_limits) {
         *found = state->limits;
@@ -58,7 +58,7 @@ static Outcome spend(Reader *reader, uint32_t count)
 
 /* Return a list with room for its elements. Until finish_list(), gc.get_objects() does not return the list: Python code
  * that runs meanwhile would crash if it read an element that is missing. */
-static PyObject *begin_list(uint32_t count)
+HOT static PyObject *begin_list(uint32_t count)
 {
     PyObject *items = PyList_New(count);
     if (items != NULL)
@@ -67,7 +67,7 @@ static PyObject *begin_list(uint32_t count)
 }
 
 /* Return the list if it is complete; otherwise release it. */
-static Outcome finish_list(PyObject *items, Outcome outcome, PyObject **value)
+HOT static Outcome finish_list(PyObject *items, Outcome outcome, PyObject **value)
 {
     if (outcome == DONE)
         PyObject_GC_Track(items);
@@ -122,7 +122,7 @@ static PyObject *integer_at(int base, const uint8_t *at, int size)
     }
 }
 
-static PyObject *double_at(const uint8_t *at)
+HOT static PyObject *double_at(const uint8_t *at)
 {
     double number;
     memcpy(&number, at, sizeof number);
@@ -135,7 +135,7 @@ static PyObject *single_at(const uint8_t *at)
     return number == -1.0 && PyErr_Occurred() ? NULL : PyFloat_FromDouble(number);
 }
 
-static PyObject *item_from(const Reader *reader, int base, const uint8_t *at, int size)
+HOT static PyObject *item_from(const Reader *reader, int base, const uint8_t *at, int size)
 {
     switch (base) {
     case VT_R8:
@@ -153,6 +153,20 @@ static PyObject *item_from(const Reader *reader, int base, const uint8_t *at, in
     }
 }
 
+/* Like list_from(), for doubles: no other code of Python runs before the list is complete. */
+HOT static Outcome doubles_from(const uint8_t *at, uint32_t count, PyObject **value)
+{
+    *value = PyList_New(count);
+    for (uint32_t i = 0; *value != NULL && i < count; i++, at += 8) {
+        PyObject *item = double_at(at);
+        if (item == NULL)
+            Py_CLEAR(*value);
+        else
+            PyList_SET_ITEM(*value, i, item);
+    }
+    return *value == NULL ? FAILED : DONE;
+}
+
 static Outcome list_from(const Reader *reader, int base, const uint8_t *at, uint32_t count, int size, PyObject **value)
 {
     PyObject *items = begin_list(count);
@@ -167,7 +181,7 @@ static Outcome list_from(const Reader *reader, int base, const uint8_t *at, uint
     return finish_list(items, outcome, value);
 }
 
-static Outcome read_fixed(Reader *reader, int base, bool array, uint32_t count, PyObject **value)
+HOT static Outcome read_fixed(Reader *reader, int base, bool array, uint32_t count, PyObject **value)
 {
     int size = base == VT_ERROR ? (int)reader->limits->error_size : FIXED[base].size;
     if ((uint64_t)count * (unsigned)size > reader->end - reader->position)
@@ -176,6 +190,8 @@ static Outcome read_fixed(Reader *reader, int base, bool array, uint32_t count, 
         return UNUSUAL;
     const uint8_t *at = reader->data + reader->position;
     reader->position += (size_t)count * (size_t)size;
+    if (array && base == VT_R8)
+        return doubles_from(at, count, value);
     if (array && base != VT_UI1)
         return list_from(reader, base, at, count, size, value);
     *value = array ? PyBytes_FromStringAndSize((const char *)at, count) : item_from(reader, base, at, size);
@@ -240,7 +256,7 @@ static Outcome read_variants(Reader *reader, uint32_t count, long long depth, Py
 }
 
 /* Read the data of a value: count elements of a type. */
-static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long depth, PyObject **value)
+HOT static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long depth, PyObject **value)
 {
     unsigned base = vt & ~(unsigned)VT_ARRAY;
     bool array = vt & VT_ARRAY;
@@ -262,7 +278,7 @@ static Outcome read_value(Reader *reader, unsigned vt, uint32_t count, long long
     return UNUSUAL;
 }
 
-Outcome read_argument(State *state, const uint8_t *data, size_t position, size_t end, const Limits *limits, bool exact,
+HOT Outcome read_argument(State *state, const uint8_t *data, size_t position, size_t end, const Limits *limits, bool exact,
                       long long *budget, PyObject **value, size_t *stop)
 {
     if (position > end || end - position < ARGUMENT_HEAD)
@@ -275,7 +291,7 @@ Outcome read_argument(State *state, const uint8_t *data, size_t position, size_t
     *stop = position + 4 + length;
     Reader reader = {state, data, position + ARGUMENT_HEAD, *stop, limits, exact, *budget};
     if (vt == (VT_R8 | VT_ARRAY) && !exact && length == ELEMENT_HEAD + 8 * (uint64_t)count)
-        return list_from(&reader, VT_R8, head + ARGUMENT_HEAD, count, 8, value); /* set-points: they do not count */
+        return doubles_from(head + ARGUMENT_HEAD, count, value); /* set-points: they do not count */
     Outcome outcome = read_value(&reader, vt, count, 0, value);
     if (outcome != DONE)
         return outcome;
@@ -356,7 +372,7 @@ static Outcome decode_found(State *state, const Arguments *found, PyObject **val
 }
 
 /* Return a tuple; the references are consumed. One that is NULL, with an exception, is a failure. */
-PyObject *new_pair(PyObject *first, PyObject *second)
+HOT PyObject *new_pair(PyObject *first, PyObject *second)
 {
     PyObject *result = first == NULL || second == NULL ? NULL : PyTuple_New(2);
     if (result == NULL) {

@@ -9,7 +9,7 @@ const FixedType FIXED[VT_TYPES] = {
 
 static Outcome put_typed(State *state, Writer *writer, PyObject *variant, int error_size, int depth);
 
-static Outcome put_head(Writer *writer, unsigned vt, size_t count)
+HOT static Outcome put_head(Writer *writer, unsigned vt, size_t count)
 {
     Outcome outcome = writer_reserve(writer, ELEMENT_HEAD);
     if (outcome != DONE)
@@ -96,7 +96,7 @@ static Outcome store_converted(PyObject *convert, int base, PyObject *item, uint
     return outcome;
 }
 
-static Outcome store_item(State *state, int base, PyObject *item, uint8_t *to, int size)
+HOT static Outcome store_item(State *state, int base, PyObject *item, uint8_t *to, int size)
 {
     switch (base) {
     case VT_R8:
@@ -176,7 +176,7 @@ static PyObject *item_at(PyObject *items, Py_ssize_t i)
     return i < PySequence_Fast_GET_SIZE(items) ? Py_NewRef(PySequence_Fast_GET_ITEM(items, i)) : NULL;
 }
 
-static Outcome put_doubles(Writer *writer, PyObject *items, Py_ssize_t count)
+HOT static Outcome put_doubles(Writer *writer, PyObject *items, Py_ssize_t count)
 {
     if (count > MOST_BYTES / 8)
         return UNUSUAL;
@@ -192,7 +192,7 @@ static Outcome put_doubles(Writer *writer, PyObject *items, Py_ssize_t count)
     return DONE;
 }
 
-static Outcome put_items(State *state, Writer *writer, int base, PyObject *items, Py_ssize_t count, int size)
+HOT static Outcome put_items(State *state, Writer *writer, int base, PyObject *items, Py_ssize_t count, int size)
 {
     if (base == VT_R8)
         return put_doubles(writer, items, count);
@@ -233,7 +233,7 @@ static Outcome put_variants(State *state, Writer *writer, PyObject *items, Py_ss
     return outcome;
 }
 
-static Outcome put_array(State *state, Writer *writer, int base, PyObject *items, int error_size, int depth)
+HOT static Outcome put_array(State *state, Writer *writer, int base, PyObject *items, int error_size, int depth)
 {
     if (base == VT_UI1) {
         if (!PyBytes_CheckExact(items))
@@ -257,7 +257,7 @@ static Outcome put_array(State *state, Writer *writer, int base, PyObject *items
     return put_items(state, writer, base, items, count, base == VT_ERROR ? error_size : FIXED[base].size);
 }
 
-static Outcome put_scalar(State *state, Writer *writer, int base, PyObject *value, int error_size, int depth)
+HOT static Outcome put_scalar(State *state, Writer *writer, int base, PyObject *value, int error_size, int depth)
 {
     if (base == VT_VARIANT) /* b-CAP has no VT_VARIANT except as the type of an array: the value in it is written */
         return put_typed(state, writer, value, error_size, depth + 1);
@@ -307,7 +307,7 @@ static Outcome put_typed(State *state, Writer *writer, PyObject *variant, int er
 /* --- plain values -------------------------------------------------------------------------------------------------- */
 
 /* Return the type of the array for a list; VT_VARIANT unless all elements have one of the types with arrays here. */
-static int list_type(PyObject *items, Py_ssize_t count)
+HOT static int list_type(PyObject *items, Py_ssize_t count)
 {
     PyTypeObject *kind = Py_TYPE(PySequence_Fast_GET_ITEM(items, 0));
     int base = kind == &PyFloat_Type ? VT_R8
@@ -323,7 +323,7 @@ static int list_type(PyObject *items, Py_ssize_t count)
 
 /* An element that put_value() does not know makes the whole value UNUSUAL, so the type of a list of, for example, dates
  * is decided in Python. */
-static Outcome put_list(State *state, Writer *writer, PyObject *items, bool plain, int depth)
+HOT static Outcome put_list(State *state, Writer *writer, PyObject *items, bool plain, int depth)
 {
     Py_ssize_t count = PySequence_Fast_GET_SIZE(items);
     if (count > MOST_BYTES)
@@ -342,7 +342,7 @@ static Outcome put_list(State *state, Writer *writer, PyObject *items, bool plai
     return outcome;
 }
 
-Outcome put_value(State *state, Writer *writer, PyObject *value, bool plain, int depth)
+HOT Outcome put_value(State *state, Writer *writer, PyObject *value, bool plain, int depth)
 {
     if (depth > MOST_DEPTH)
         return UNUSUAL;
@@ -370,7 +370,7 @@ Outcome put_plain(State *state, Writer *writer, int base, PyObject *value)
     return put_scalar(state, writer, base, value, 4, 0);
 }
 
-void put_length(Writer *writer, size_t start)
+HOT void put_length(Writer *writer, size_t start)
 {
     store_u32(writer->start + start, (uint32_t)(writer->size - start - 4));
 }

@@ -18,7 +18,7 @@
 /* --- time ---------------------------------------------------------------------------------------------------------- */
 
 /* The clock of time.monotonic(). */
-static double now(void)
+HOT static double now(void)
 {
     struct timespec time;
     clock_gettime(CLOCK_MONOTONIC, &time);
@@ -44,7 +44,8 @@ PyObject *set_timeout(PyObject *module, PyObject *arguments)
 /* --- system calls -------------------------------------------------------------------------------------------------- */
 
 typedef struct {
-    PyObject *conversation, *link, *function, *seconds; /* borrowed */
+    PyObject *conversation, *link, *function, *prepared, *seconds; /* borrowed; function may be NULL: see PreparedCall */
+    const Template *template; /* NULL if the call is not prepared */
     double end;         /* of the wait for the reply */
     int descriptor;
     const uint8_t *request;
@@ -54,7 +55,7 @@ typedef struct {
     uint8_t reply[RECEIVED_MOST];
 } Exchange;
 
-static Outcome read_number(State *state, PyObject *object, Attribute name, long low, long high, long *number)
+HOT static Outcome read_number(State *state, PyObject *object, Attribute name, long low, long high, long *number)
 {
     PyObject *found = get_attribute(state, object, name);
     if (found == NULL)
@@ -67,7 +68,7 @@ static Outcome read_number(State *state, PyObject *object, Attribute name, long 
 }
 
 /* Read the descriptor as late as possible: it is -1 after another thread has closed the link. */
-static Outcome read_descriptor(State *state, Exchange *exchange)
+HOT static Outcome read_descriptor(State *state, Exchange *exchange)
 {
     long descriptor = -1;
     Outcome outcome = read_number(state, exchange->link, A_DESCRIPTOR, -1, INT32_MAX, &descriptor);
@@ -76,7 +77,7 @@ static Outcome read_descriptor(State *state, Exchange *exchange)
 }
 
 /* Send and receive, without Python. The send does not wait for a peer that does not read: Python sends the rest. */
-static void transfer(Exchange *exchange)
+HOT static void transfer(Exchange *exchange)
 {
     exchange->received = -1;
     exchange->sent = send(exchange->descriptor, exchange->request, exchange->size, MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -97,7 +98,7 @@ static bool wait_until_end(const Exchange *exchange)
 /* Continue an interrupted wait: a signal neither prolongs the wait nor is its handler delayed. During the wait, another
  * thread may close the link, and its descriptor may then belong to another file. Therefore the descriptor is read again
  * before it is used, and the GIL is held in between. */
-static Outcome continue_wait(State *state, Exchange *exchange)
+COLD static Outcome continue_wait(State *state, Exchange *exchange)
 {
     bool ready = false;
     if (PyErr_CheckSignals() < 0 || read_descriptor(state, exchange) != DONE)
@@ -118,7 +119,7 @@ static Outcome continue_wait(State *state, Exchange *exchange)
 }
 
 /* Make the transfer. UNUSUAL: the request was not sent completely. */
-static Outcome run_transfer(State *state, Exchange *exchange)
+HOT static Outcome run_transfer(State *state, Exchange *exchange)
 {
     Outcome outcome = DONE;
     Py_BEGIN_ALLOW_THREADS
@@ -142,7 +143,7 @@ static Outcome call_link(const Exchange *exchange, PyObject *name, PyObject *arg
 
 /* Let the link raise the exception for an error of the system, or for the end of a stream that this program closed;
  * return normally if the peer has closed the connection. */
-static Outcome report(State *state, Exchange *exchange, int error)
+COLD static Outcome report(State *state, Exchange *exchange, int error)
 {
     if (!error)
         return call_link(exchange, state->names[A_FAIL], Py_None);
@@ -155,7 +156,7 @@ static Outcome report(State *state, Exchange *exchange, int error)
 }
 
 /* Let the link send the rest of the request and receive; return what it received. */
-static PyObject *continue_in_python(State *state, Exchange *exchange)
+COLD static PyObject *continue_in_python(State *state, Exchange *exchange)
 {
     Py_ssize_t sent = exchange->sent < 0 ? 0 : (Py_ssize_t)exchange->sent;
     PyObject *request = PyBytes_FromStringAndSize((const char *)exchange->request, (Py_ssize_t)exchange->size);
@@ -170,7 +171,7 @@ static PyObject *continue_in_python(State *state, Exchange *exchange)
 
 /* --- reply --------------------------------------------------------------------------------------------------------- */
 
-static Outcome read_conversation_limits(State *state, const Exchange *exchange, Limits *limits)
+HOT static Outcome read_conversation_limits(State *state, const Exchange *exchange, Limits *limits)
 {
     PyObject *object = get_attribute(state, exchange->conversation, A_LIMITS);
     if (object == NULL)
@@ -181,13 +182,12 @@ static Outcome read_conversation_limits(State *state, const Exchange *exchange, 
 }
 
 /* Read the result of the call. UNUSUAL: Python reads it, or reports the error. */
-static Outcome read_result(State *state, Exchange *exchange, const Limits *limits, bool exact, PyObject **value)
+HOT static Outcome read_result(State *state, Exchange *exchange, const Limits *limits, bool exact, PyObject **value)
 {
-    PyObject *kind = get_attribute(state, exchange->function, A_RESULT);
-    if (kind == NULL)
+    int kind = exchange->template != NULL ? (int)exchange->template->result : result_kind(state, exchange->function);
+    if (kind < 0)
         return FAILED;
-    Py_DECREF(kind); /* the table of functions keeps it */
-    if (kind == Py_None) {
+    if (kind == NO_RESULT) {
         *value = Py_NewRef(Py_None);
         return DONE;
     }
@@ -197,17 +197,15 @@ static Outcome read_result(State *state, Exchange *exchange, const Limits *limit
     size_t stop;
     Outcome outcome = read_argument(state, exchange->reply, PACKET_HEAD, (size_t)exchange->received - 1, limits, false,
                                     &budget, value, &stop);
-    if (outcome != DONE)
+    if (outcome != DONE || kind == ANY_RESULT || (kind == INTEGER_RESULT && PyLong_CheckExact(*value)) ||
+        (kind == STRING_RESULT && PyUnicode_CheckExact(*value)))
         return outcome;
-    if (kind == state->result_variant || (kind == state->result_integer && PyLong_CheckExact(*value)) ||
-        (kind == state->result_string && PyUnicode_CheckExact(*value)))
-        return DONE;
     Py_CLEAR(*value);
     return UNUSUAL;
 }
 
 /* Read a reply that is exactly one packet with the serial and a success code, within the limits. */
-static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, bool exact, uint32_t *code, PyObject **value)
+HOT static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, bool exact, uint32_t *code, PyObject **value)
 {
     const uint8_t *reply = exchange->reply;
     ssize_t size = exchange->received;
@@ -226,82 +224,161 @@ static Outcome read_reply(State *state, Exchange *exchange, uint16_t serial, boo
 
 /* Let the conversation examine what was received; the reference to it is consumed. If it is not the reply, return
  * Unfinished. */
-static PyObject *finish_in_python(State *state, Exchange *exchange, uint16_t serial, PyObject *exact, PyObject *received)
+COLD static PyObject *finish_in_python(State *state, Exchange *exchange, uint16_t serial, PyObject *exact, PyObject *received)
 {
+    PyObject *function = exchange->function == NULL ? get_attribute(state, exchange->prepared, A_FUNCTION)
+                                                    : Py_NewRef(exchange->function);
     PyObject *number = PyLong_FromLong(serial), *result = NULL;
-    if (number != NULL)
-        result = PyObject_CallMethodObjArgs(exchange->conversation, state->names[A_FINISH], exchange->function, number, received,
-                                            exact, NULL);
+    if (function != NULL && number != NULL)
+        result = PyObject_CallMethodObjArgs(exchange->conversation, state->names[A_FINISH], function, number, received, exact,
+                                            NULL);
     if (result == Py_None) {
         Py_DECREF(result);
         result = PyObject_CallFunction(state->unfinished, "OOd", number, received, exchange->end);
     }
+    Py_XDECREF(function);
     Py_XDECREF(number);
     Py_DECREF(received);
     return result;
 }
 
-/* Send the request, receive, and return the outcome of the call. */
-static PyObject *perform(State *state, Exchange *exchange, uint16_t serial, PyObject *exact)
+/* Return the outcome of a transfer that was not followed by exactly the reply. */
+COLD static PyObject *finish_unusual(State *state, Exchange *exchange, uint16_t serial, PyObject *exact)
 {
-    PyObject *value = NULL, *received;
-    uint32_t code = 0;
-    exchange->end = now() + PyFloat_AS_DOUBLE(exchange->seconds);
-    Outcome outcome = run_transfer(state, exchange);
-    if (outcome == FAILED)
-        return NULL;
-    if (outcome == UNUSUAL) {
-        if (exchange->sent < 0 && exchange->error != EAGAIN && exchange->error != EINTR &&
-            report(state, exchange, exchange->error) != DONE)
+    PyObject *received;
+    int error = exchange->error;
+    if (exchange->sent != (ssize_t)exchange->size) {
+        if (exchange->sent < 0 && error != EAGAIN && error != EINTR && report(state, exchange, error) != DONE)
             return NULL;
         received = continue_in_python(state, exchange);
-        return received == NULL ? NULL : finish_in_python(state, exchange, serial, exact, received);
+    } else if (exchange->received > 0) {
+        received = PyBytes_FromStringAndSize((const char *)exchange->reply, (Py_ssize_t)exchange->received);
+    } else if (exchange->received == 0) {
+        received = report(state, exchange, 0) == DONE ? PyBytes_FromStringAndSize("", 0) : NULL;
+    } else {
+        received = error == EAGAIN || report(state, exchange, error) == DONE ? Py_NewRef(Py_None) : NULL;
     }
-    if (exchange->received > 0) {
-        outcome = read_reply(state, exchange, serial, exact == Py_True, &code, &value);
-        if (outcome != UNUSUAL)
-            return outcome == DONE ? new_pair(PyLong_FromUnsignedLong(code), value) : NULL;
-    } else if (exchange->received == 0 || exchange->error != EAGAIN) {
-        if (report(state, exchange, exchange->received < 0 ? exchange->error : 0) != DONE)
-            return NULL;
-    }
-    received = exchange->received < 0
-                   ? Py_NewRef(Py_None)
-                   : PyBytes_FromStringAndSize((const char *)exchange->reply, (Py_ssize_t)exchange->received);
     return received == NULL ? NULL : finish_in_python(state, exchange, serial, exact, received);
+}
+
+/* Send the request, receive, and read the reply. UNUSUAL: "other" is what a call in Python returns. */
+HOT static Outcome perform(State *state, Exchange *exchange, uint16_t serial, PyObject *exact, PreparedCall *call)
+{
+    exchange->end = now() + PyFloat_AS_DOUBLE(exchange->seconds);
+    Outcome outcome = run_transfer(state, exchange);
+    if (outcome == DONE)
+        outcome = exchange->received > 0 ? read_reply(state, exchange, serial, exact == Py_True, &call->code, &call->result)
+                                         : UNUSUAL;
+    if (outcome == UNUSUAL)
+        call->other = finish_unusual(state, exchange, serial, exact);
+    return outcome == UNUSUAL && call->other == NULL ? FAILED : outcome;
 }
 
 /* --- functions for Python ------------------------------------------------------------------------------------------ */
 
 /* Fill in the parts of an exchange, and prepare the socket. UNUSUAL: the link has no socket for this. */
-static Outcome prepare(State *state, Exchange *exchange, PyObject *const *arguments, PyObject *seconds)
+HOT static Outcome prepare(State *state, Exchange *exchange, const PreparedCall *call)
 {
-    exchange->conversation = arguments[0];
-    exchange->link = arguments[1];
-    exchange->function = arguments[2];
-    exchange->seconds = seconds;
-    if (!PyFloat_CheckExact(seconds))
+    exchange->conversation = call->conversation;
+    exchange->link = call->link;
+    exchange->function = call->function;
+    exchange->prepared = call->prepared;
+    exchange->template = call->template;
+    exchange->seconds = call->seconds;
+    if (!PyFloat_CheckExact(call->seconds))
         return UNUSUAL;
-    PyObject *set = get_attribute(state, exchange->link, A_KERNEL_SECONDS);
+    PyObject *set = get_attribute(state, call->link, A_KERNEL_SECONDS);
     if (set == NULL) {
         if (!PyErr_ExceptionMatches(PyExc_AttributeError))
             return FAILED;
         PyErr_Clear();
         return UNUSUAL;
     }
-    bool equal = PyFloat_CheckExact(set) && PyFloat_AS_DOUBLE(set) == PyFloat_AS_DOUBLE(seconds);
+    bool equal = PyFloat_CheckExact(set) && PyFloat_AS_DOUBLE(set) == PyFloat_AS_DOUBLE(call->seconds);
     Py_DECREF(set);
-    return equal ? DONE : call_link(exchange, state->names[A_USE_KERNEL_TIMEOUT], seconds);
+    return equal ? DONE : call_link(exchange, state->names[A_USE_KERNEL_TIMEOUT], call->seconds);
 }
 
-static Outcome use_serial(State *state, Exchange *exchange, long serial)
+/* Return what the functions for Python return, or let the Python function make the call. */
+static PyObject *outcome_of(State *state, const PreparedCall *call, Outcome outcome, FunctionNumber number,
+                            PyObject *const *arguments, Py_ssize_t count)
+{
+    if (outcome == DONE)
+        return new_pair(PyLong_FromUnsignedLong(call->code), call->result);
+    if (outcome == UNUSUAL)
+        return call->other != NULL ? call->other : in_python(state, number, arguments, count, NULL);
+    return NULL;
+}
+
+/* Encode the request in Python, and perform the call. */
+static Outcome exchange_call(State *state, Exchange *exchange, PyObject *arguments, PyObject *exact, PreparedCall *call)
+{
+    PyObject *begun = PyObject_CallMethodObjArgs(call->conversation, state->names[A_BEGIN], call->function, arguments, NULL);
+    unsigned short serial;
+    PyObject *request;
+    Outcome outcome = FAILED;
+    if (begun != NULL && PyArg_ParseTuple(begun, "HS", &serial, &request) && read_descriptor(state, exchange) == DONE) {
+        exchange->request = (const uint8_t *)PyBytes_AS_STRING(request);
+        exchange->size = (size_t)PyBytes_GET_SIZE(request);
+        outcome = perform(state, exchange, serial, exact, call);
+    }
+    Py_XDECREF(begun);
+    return outcome;
+}
+
+/* call(conversation, link, function, arguments, seconds, exact) */
+PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
+{
+    State *state = state_of(module);
+    Exchange exchange;
+    PreparedCall call = {0};
+    Outcome outcome = UNUSUAL;
+    if (count == 6 && PyBool_Check(arguments[5])) {
+        call.conversation = arguments[0];
+        call.link = arguments[1];
+        call.function = arguments[2];
+        call.seconds = arguments[4];
+        outcome = prepare(state, &exchange, &call);
+        if (outcome == DONE)
+            outcome = exchange_call(state, &exchange, arguments[3], arguments[5], &call);
+    }
+    return outcome_of(state, &call, outcome, CALL, arguments, count);
+}
+
+HOT static Outcome use_serial(State *state, PyObject *conversation, long serial)
 {
     PyObject *next = PyLong_FromLong(serial % 0xFFFF + 1);
-    Outcome outcome = next == NULL ? FAILED : set_attribute(state, exchange->conversation, A_SERIAL, next);
+    Outcome outcome = next == NULL ? FAILED : set_attribute(state, conversation, A_SERIAL, next);
     Py_XDECREF(next);
     return outcome;
 }
 
+HOT Outcome exchange_prepared(State *state, PreparedCall *call)
+{
+    Exchange exchange;
+    long serial;
+    Outcome outcome = prepare(state, &exchange, call);
+    if (outcome == DONE)
+        outcome = read_number(state, call->conversation, A_SERIAL, 1, 0xFFFF, &serial);
+    if (outcome != DONE)
+        return outcome;
+    Writer writer;
+    writer_begin(&writer);
+    outcome = put_prepared(state, call->template, call->value, (uint16_t)serial, &writer);
+    if (outcome == DONE)
+        outcome = use_serial(state, call->conversation, serial);
+    if (outcome == DONE)
+        outcome = read_descriptor(state, &exchange);
+    if (outcome == DONE) {
+        exchange.request = writer.start;
+        exchange.size = writer.size;
+        outcome = perform(state, &exchange, (uint16_t)serial, Py_False, call);
+    }
+    writer_end(&writer);
+    return outcome;
+}
+
+/* Return the template in a RequestTemplate; NULL if it has none, or with an exception. */
 static const Template *template_of(State *state, PyObject *object)
 {
     PyObject *capsule = get_attribute(state, object, A_NATIVE);
@@ -312,65 +389,23 @@ static const Template *template_of(State *state, PyObject *object)
     return template;
 }
 
-/* call(conversation, link, function, arguments, seconds, exact) */
-PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
-{
-    State *state = state_of(module);
-    Exchange exchange;
-    bool usual = count == 6 && PyBool_Check(arguments[5]);
-    Outcome outcome = usual ? prepare(state, &exchange, arguments, arguments[4]) : UNUSUAL;
-    if (outcome != DONE)
-        return outcome == FAILED ? NULL : in_python(state, CALL, arguments, count, NULL);
-    PyObject *begun = PyObject_CallMethodObjArgs(exchange.conversation, state->names[A_BEGIN], arguments[2], arguments[3], NULL);
-    unsigned short serial;
-    PyObject *request, *result = NULL;
-    if (begun != NULL && PyArg_ParseTuple(begun, "HS", &serial, &request) && read_descriptor(state, &exchange) == DONE) {
-        exchange.request = (const uint8_t *)PyBytes_AS_STRING(request);
-        exchange.size = (size_t)PyBytes_GET_SIZE(request);
-        result = perform(state, &exchange, serial, arguments[5]);
-    }
-    Py_XDECREF(begun);
-    return result;
-}
-
-static PyObject *perform_prepared(State *state, Exchange *exchange, const Template *template, PyObject *value)
-{
-    long serial;
-    PyObject *result = NULL;
-    Outcome outcome = read_number(state, exchange->conversation, A_SERIAL, 1, 0xFFFF, &serial);
-    if (outcome != DONE)
-        return outcome == FAILED ? NULL : Py_NewRef(Py_None);
-    Writer writer;
-    writer_begin(&writer);
-    outcome = put_prepared(state, template, value, (uint16_t)serial, &writer);
-    if (outcome == UNUSUAL) {
-        result = Py_NewRef(Py_None); /* no layout for the value; nothing was sent, and no serial was used */
-    } else if (outcome == DONE && use_serial(state, exchange, serial) == DONE && read_descriptor(state, exchange) == DONE) {
-        exchange->request = writer.start;
-        exchange->size = writer.size;
-        result = perform(state, exchange, (uint16_t)serial, Py_False);
-    }
-    writer_end(&writer);
-    return result;
-}
-
-PyObject *exchange_prepared(State *state, PyObject *const *arguments, Py_ssize_t count)
-{
-    Exchange exchange;
-    const Template *template = count == 6 ? template_of(state, arguments[3]) : NULL;
-    if (template == NULL && PyErr_Occurred())
-        return NULL;
-    Outcome outcome = template == NULL ? UNUSUAL : prepare(state, &exchange, arguments, arguments[5]);
-    if (outcome == FAILED)
-        return NULL;
-    if (outcome == UNUSUAL)
-        return in_python(state, CALL_PREPARED, arguments, count, NULL);
-    return perform_prepared(state, &exchange, template, arguments[4]);
-}
-
 /* call_prepared(conversation, link, function, template, value, seconds) */
 PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count)
 {
-    return exchange_prepared(state_of(module), arguments, count);
+    State *state = state_of(module);
+    PreparedCall call = {0};
+    Outcome outcome = UNUSUAL;
+    call.template = count == 6 ? template_of(state, arguments[3]) : NULL;
+    if (call.template != NULL) {
+        call.conversation = arguments[0];
+        call.link = arguments[1];
+        call.function = arguments[2];
+        call.value = arguments[4];
+        call.seconds = arguments[5];
+        outcome = exchange_prepared(state, &call);
+    } else if (PyErr_Occurred()) {
+        return NULL;
+    }
+    return outcome_of(state, &call, outcome, CALL_PREPARED, arguments, count);
 }
 #endif

@@ -65,7 +65,7 @@ static PyObject *set_requests(PyObject *module, PyObject *argument_types)
 
 #define WITH_COUNT(function) (PyCFunction)(void (*)(void))(function)
 
-static PyMethodDef FUNCTIONS_TABLE[] = {
+static const PyMethodDef FUNCTIONS_TABLE[] = {
     {"encode", encode, METH_O, NULL},
     {"encode_variant", WITH_COUNT(encode_variant), METH_FASTCALL | METH_KEYWORDS, NULL},
     {"encode_integer", encode_integer, METH_O, NULL},
@@ -127,7 +127,7 @@ static PyModuleDef MODULE = {
     .m_base = PyModuleDef_HEAD_INIT,
     .m_name = "orinkit.core._speedups",
     .m_size = sizeof(State),
-    .m_methods = FUNCTIONS_TABLE,
+    .m_methods = (PyMethodDef *)FUNCTIONS_TABLE, /* Python does not write to it */
     .m_slots = SLOTS,
     .m_traverse = traverse,
     .m_clear = clear,

@@ -107,25 +107,46 @@ PyObject *encode_request(PyObject *module, PyObject *const *arguments, Py_ssize_
 
 static void free_template(PyObject *capsule) { PyMem_Free(PyCapsule_GetPointer(capsule, CAPSULE)); }
 
-/* native_template(function_id, count, constants, varies, most): return an object for RequestTemplate.native. */
+/* Return the kind of the result of a function; -1 with an exception. */
+int result_kind(State *state, PyObject *function)
+{
+    PyObject *kind = get_attribute(state, function, A_RESULT);
+    if (kind == NULL)
+        return -1;
+    Py_DECREF(kind); /* the table of functions keeps it */
+    return kind == Py_None                 ? NO_RESULT
+           : kind == state->result_variant ? ANY_RESULT
+           : kind == state->result_integer ? INTEGER_RESULT
+           : kind == state->result_string  ? STRING_RESULT
+                                           : OTHER_RESULT;
+}
+
+/* native_template(function, count, constants, varies, most): return an object for RequestTemplate.native. */
 PyObject *native_template(PyObject *module, PyObject *arguments)
 {
-    (void)module;
-    unsigned int function;
+    State *state = state_of(module);
+    PyObject *function;
     unsigned short number;
     PyObject *constants;
     int varies;
     long most;
-    if (!PyArg_ParseTuple(arguments, "IHSpl:native_template", &function, &number, &constants, &varies, &most))
+    if (!PyArg_ParseTuple(arguments, "OHSpl:native_template", &function, &number, &constants, &varies, &most))
+        return NULL;
+    PyObject *id = get_attribute(state, function, A_ID);
+    long number_of_function = id == NULL ? -1 : PyLong_AsLong(id);
+    Py_XDECREF(id);
+    int result = result_kind(state, function);
+    if (result < 0 || PyErr_Occurred())
         return NULL;
     size_t size = (size_t)PyBytes_GET_SIZE(constants);
     Template *template = PyMem_Calloc(1, sizeof *template + PACKET_HEAD + size);
     if (template == NULL)
         return PyErr_NoMemory();
+    template->result = (ResultKind)result;
     template->most = most;
     template->varies = varies;
     template->size = PACKET_HEAD + size;
-    put_header(template->start, 0, 0, 0, function, number);
+    put_header(template->start, 0, 0, 0, (uint32_t)number_of_function, number);
     memcpy(template->start + PACKET_HEAD, PyBytes_AS_STRING(constants), size);
     PyObject *capsule = PyCapsule_New(template, CAPSULE, free_template);
     if (capsule == NULL)
@@ -133,12 +154,12 @@ PyObject *native_template(PyObject *module, PyObject *arguments)
     return capsule;
 }
 
-const Template *template_in(PyObject *capsule)
+HOT const Template *template_in(PyObject *capsule)
 {
     return PyCapsule_CheckExact(capsule) ? PyCapsule_GetPointer(capsule, CAPSULE) : NULL;
 }
 
-Outcome put_prepared(State *state, const Template *template, PyObject *value, uint16_t serial, Writer *writer)
+HOT Outcome put_prepared(State *state, const Template *template, PyObject *value, uint16_t serial, Writer *writer)
 {
     if (!template->varies && value != Py_None)
         return UNUSUAL;

@@ -19,7 +19,16 @@
 
 /* The number of the interface between this module and the modules in Python, which INTERFACE in orinkit/core/speedups.py
  * repeats. After a change of a function, of its arguments, or of an attribute that is read here, increase both. */
-#define INTERFACE 3
+#define INTERFACE 4
+
+/* The functions of a call, which the linker puts side by side, so that they occupy few pages. */
+#ifdef __GNUC__
+#define HOT __attribute__((hot))
+#define COLD __attribute__((cold, noinline))
+#else
+#define HOT
+#define COLD
+#endif
 
 /* Result of the internal functions; FAILED means that a Python exception is set. */
 typedef enum { FAILED = -1, UNUSUAL = 0, DONE = 1 } Outcome;
@@ -61,7 +70,7 @@ typedef enum {
     A_ID, A_TYPE, A_VALUE, A_PACKET, A_DEPTH, A_VARIANTS, A_VT_ERROR_SIZE,
     A_SERIAL, A_LIMITS, A_BEGIN, A_FINISH, A_RESULT, A_NATIVE, A_DESCRIPTOR, A_KERNEL_SECONDS, A_USE_KERNEL_TIMEOUT,
     A_FINISH_EXCHANGE, A_FAIL,
-    A_CONVERSATION, A_DEADLINE, A_END, A_TIMEOUT, A_LINK, A_LOCK, A_FUNCTION, A_TEMPLATE, A_DIRECT, A_ACQUIRE, A_RELEASE,
+    A_CONVERSATION, A_DEADLINE, A_END, A_TIMEOUT, A_LINK, A_LOCK, A_FUNCTION, A_DIRECT, A_ACQUIRE, A_RELEASE,
     A_ARGUMENTS, A_RESUME, A_FAILED,
     ATTRIBUTES
 } Attribute;
@@ -78,6 +87,7 @@ typedef struct {
     /* objects of orinkit.transport.direct and orinkit.values.types, passed to set_exchange() */
     PyObject *unfinished, *result_variant, *result_integer, *result_string;
     PyObject *argument_types; /* dict of orinkit.bcap.requests, passed to set_requests() */
+    PyObject *lock_type, *lock_acquire, *lock_release; /* the type of the lock of a client, and its methods */
     PyObject *names[ATTRIBUTES];
     PyObject *owners[ATTRIBUTES]; /* for an attribute with a slot, the type of the object that was read last */
 } State;
@@ -136,14 +146,19 @@ PyObject *decode(PyObject *module, PyObject *const *arguments, Py_ssize_t count,
 
 /* --- requests ------------------------------------------------------------------------------------------------------ */
 
+typedef enum { ANY_RESULT, NO_RESULT, INTEGER_RESULT, STRING_RESULT, OTHER_RESULT } ResultKind;
+
 /* The constant part of the packets of a prepared call. */
 typedef struct {
+    ResultKind result;
     long most;       /* largest size of a packet */
     bool varies;     /* there is a varying argument */
     size_t size;     /* bytes of start */
     uint8_t start[]; /* header and constant arguments; length and serial are filled in for each call */
 } Template;
 
+/* Return the kind of the result of a function; -1 with an exception. */
+int result_kind(State *state, PyObject *function);
 /* Return the template in an object of native_template(); NULL for another object. */
 const Template *template_in(PyObject *capsule);
 /* Write the packet of a call. UNUSUAL: the Python code converts the value, for example a pose, or reports its error. */
@@ -160,8 +175,18 @@ PyObject *native_request(PyObject *module, PyObject *const *arguments, Py_ssize_
 PyObject *set_timeout(PyObject *module, PyObject *arguments);
 PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
-/* Make a prepared call, or let the Python function make it; the arguments are those of call_prepared(). */
-PyObject *exchange_prepared(State *state, PyObject *const *arguments, Py_ssize_t count);
+/* What a prepared call requires, and its outcome; the references in the first lines are borrowed. */
+typedef struct {
+    PyObject *conversation, *link, *seconds, *value, *prepared;
+    PyObject *function; /* NULL: the one of prepared */
+    const Template *template;
+    uint32_t code;    /* the return code */
+    PyObject *result; /* the result of the function */
+    PyObject *other;  /* what call_prepared() returns if the reply is unusual */
+} PreparedCall;
+
+/* Make a prepared call. UNUSUAL: "other" is set, or nothing was sent, and Python makes the call. */
+Outcome exchange_prepared(State *state, PreparedCall *call);
 PyObject *call_prepared_by_client(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 #endif
 

@@ -1,20 +1,20 @@
 /* Bytes that are being written. */
 #include "speedups.h"
 
-void writer_begin(Writer *writer)
+HOT void writer_begin(Writer *writer)
 {
     writer->start = writer->small;
     writer->size = 0;
     writer->room = sizeof writer->small;
 }
 
-void writer_end(Writer *writer)
+HOT void writer_end(Writer *writer)
 {
     if (writer->start != writer->small)
         PyMem_Free(writer->start);
 }
 
-Outcome writer_reserve(Writer *writer, size_t count)
+HOT Outcome writer_reserve(Writer *writer, size_t count)
 {
     if (count > MOST_BYTES || writer->size + count > MOST_BYTES)
         return UNUSUAL;
@@ -34,7 +34,7 @@ Outcome writer_reserve(Writer *writer, size_t count)
     return DONE;
 }
 
-Outcome writer_add(Writer *writer, const void *bytes, size_t count)
+HOT Outcome writer_add(Writer *writer, const void *bytes, size_t count)
 {
     Outcome outcome = writer_reserve(writer, count);
     if (outcome == DONE) {

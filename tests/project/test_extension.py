@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = (
     "from orinkit.core import speedups; from orinkit.values import codec; print(speedups.status()); print(codec.encode)"
 )
-INTERFACE = {3: "96e631bef309d376"}
+INTERFACE = {4: "26981c126706fd2d"}
 """Number of the interface between C and Python, and a digest of it: functions, attributes, formats of arguments."""
 OTHER_VERSION = "import orinkit.core._speedups as other; {change}; "
 

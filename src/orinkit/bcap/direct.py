@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
 from orinkit.bcap import packet
+from orinkit.cao.table import Function
 from orinkit.core.speedups import native_request, native_template
 from orinkit.values.types import R8_ARRAY, VarType
 
@@ -36,7 +37,7 @@ class RequestTemplate:
     types only fills in the serial and the numbers.
 
     Args:
-        function_id: ID of the function.
+        function: an entry of the table of functions.
         count: number of arguments, including the varying one.
         constants: the encoded constant arguments.
         varies: True if there is a varying argument, of type VARIANT.
@@ -48,14 +49,14 @@ class RequestTemplate:
 
     __slots__ = ("_constants", "_count", "_function_id", "_layouts", "_most", "_varies", "native")
 
-    def __init__(self, function_id: int, count: int, constants: bytes, *, varies: bool, most: int) -> None:
-        self._function_id = function_id
+    def __init__(self, function: Function[..., Any], count: int, constants: bytes, *, varies: bool, most: int) -> None:
+        self._function_id = function.id
         self._count = count
         self._constants = constants
         self._varies = varies
         self._most = most
         self._layouts: dict[object, Layout | None] = {}
-        self.native = native_template(function_id, count, constants, varies, most)
+        self.native = native_template(function, count, constants, varies, most)
 
     def request(self, serial: int, value: Any = None) -> bytes | None:
         """Return the packet of a call; ``None`` if there is no layout for the types in ``value``.

@@ -128,4 +128,4 @@ def request_template(function: Function[..., Any], constants: tuple[Any, ...], m
         body = b"".join(map(_apply, encoders, constants))
     except (InvalidValue, TypeError):  # the call itself reports the error
         return None
-    return RequestTemplate(function.id, len(constants) + varies, body, varies=varies, most=most)
+    return RequestTemplate(function, len(constants) + varies, body, varies=varies, most=most)

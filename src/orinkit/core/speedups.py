@@ -17,7 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _STALE: Final = "INTERFACE"
 _COROUTINE: Final = 0x80  # inspect.CO_COROUTINE; importing inspect takes longer than orinkit.core
-INTERFACE: Final = 3
+INTERFACE: Final = 4
 """Number of the interface of the extension that the modules in Python expect (``csrc/speedups.h``)."""
 
 
@@ -62,17 +62,17 @@ def replaced_in_c(function: F, name: str = "") -> F:
     return counterpart
 
 
-def native_template(function_id: int, count: int, constants: bytes, varies: bool, most: int) -> object:
+def native_template(function: object, count: int, constants: bytes, varies: bool, most: int) -> object:
     """Return the template of a prepared call for the functions in C; ``None`` if the extension is not used.
 
     Args:
-        function_id: ID of the function.
+        function: The entry of the table of functions, with its ID and the type of its result.
         count: Number of arguments.
         constants: The encoded constant arguments.
         varies: True if there is a further argument, which varies.
         most: Largest size of a packet, bytes.
     """
-    return None if EXTENSION is None else EXTENSION.native_template(function_id, count, constants, varies, most)
+    return None if EXTENSION is None else EXTENSION.native_template(function, count, constants, varies, most)
 
 
 native_request: Callable[[object, int, object], bytes | None] | None = EXTENSION and EXTENSION.native_request

@@ -32,10 +32,11 @@ class PreparedFunction:
         function: Function of CAO.
         constants: The constant arguments.
         template: The template of the packets.
+        native: The template for the extension in C; ``None`` without the extension, or without a template.
         subject: Name of the object.
     """
 
-    __slots__ = ("_varies", "constants", "function", "subject", "template")
+    __slots__ = ("_varies", "constants", "function", "native", "subject", "template")
 
     def __init__(
         self,
@@ -49,6 +50,7 @@ class PreparedFunction:
         self.function = function
         self.subject = subject
         self.template = template
+        self.native = None if template is None else template.native
         self.constants = constants
         self._varies = varies
 

@@ -329,12 +329,15 @@ class ObjectContainer(NamedObject):
             parameter: Value of CAO. A robot also takes ``P(...)``, ``J(...)``, ``T(...)`` and ``V(...)``, also in lists,
                 and sends them as text.
         """
-        known = self._commands.get(command) if type(command) is str else None
-        if known is not None:  # the frequent case without further calls of Python functions, see _execute()
-            client, changes = self.client, known.changes
-            if self._open and known.short_in is client.dialect and (changes is None or changes.forgotten):
-                return call_prepared_by_client(client, known, parameter)
-        return self._execute(known or self._prepare(command), parameter)
+        try:
+            known = self._commands[command]
+        except (KeyError, TypeError):
+            known = self._prepare(command)
+        client, changes = self.client, known.changes
+        # the frequent case, without further calls of Python functions; _execute() is the general one
+        if self._open and known.short_in is client.dialect and (changes is None or changes.forgotten):
+            return call_prepared_by_client(client, known, parameter)
+        return self._execute(known, parameter)
 
     def prepare(self, command: str) -> PreparedCall:
         """Return an extended command that is prepared for many calls. Nothing is sent.
