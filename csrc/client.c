@@ -5,8 +5,9 @@
 /* A call, and what it reads from the client and from the prepared call. */
 typedef struct {
     PreparedCall call;
-    PyObject *client;                                                              /* borrowed */
-    PyObject *conversation, *link, *deadline, *end, *seconds, *native, *serial; /* references */
+    PyObject *client; /* borrowed */
+    /* references, side by side: release_parts() */
+    PyObject *conversation, *link, *deadline, *end, *seconds, *native, *serial;
 } ClientCall;
 
 HOT static void release_parts(ClientCall *parts)
@@ -43,10 +44,11 @@ HOT static Outcome read_parts(State *state, ClientCall *parts)
 /* Let the client continue the call; the reference to what is unfinished is consumed. */
 COLD static PyObject *resume(State *state, const ClientCall *parts, PyObject *unfinished)
 {
-    PyObject *prepared = parts->call.prepared, *result = NULL;
+    PyObject *prepared = parts->call.prepared, *arguments = NULL, *result = NULL;
     PyObject *function = get_attribute(state, prepared, A_FUNCTION);
-    PyObject *arguments = PyObject_CallMethodOneArg(prepared, state->names[A_ARGUMENTS], parts->call.value);
-    if (function != NULL && arguments != NULL)
+    if (function != NULL)
+        arguments = PyObject_CallMethodOneArg(prepared, state->names[A_ARGUMENTS], parts->call.value);
+    if (arguments != NULL)
         result = PyObject_CallMethodObjArgs(parts->client, state->names[A_RESUME], function, arguments, parts->seconds,
                                             unfinished, NULL);
     Py_XDECREF(function);

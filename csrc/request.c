@@ -133,10 +133,12 @@ PyObject *native_template(PyObject *module, PyObject *arguments)
     if (!PyArg_ParseTuple(arguments, "OHSpl:native_template", &function, &number, &constants, &varies, &most))
         return NULL;
     PyObject *id = get_attribute(state, function, A_ID);
-    long number_of_function = id == NULL ? -1 : PyLong_AsLong(id);
-    Py_XDECREF(id);
-    int result = result_kind(state, function);
-    if (result < 0 || PyErr_Occurred())
+    if (id == NULL)
+        return NULL;
+    unsigned long function_id = PyLong_AsUnsignedLong(id);
+    Py_DECREF(id);
+    int result = PyErr_Occurred() ? -1 : result_kind(state, function);
+    if (result < 0)
         return NULL;
     size_t size = (size_t)PyBytes_GET_SIZE(constants);
     Template *template = PyMem_Calloc(1, sizeof *template + PACKET_HEAD + size);
@@ -146,7 +148,7 @@ PyObject *native_template(PyObject *module, PyObject *arguments)
     template->most = most;
     template->varies = varies;
     template->size = PACKET_HEAD + size;
-    put_header(template->start, 0, 0, 0, (uint32_t)number_of_function, number);
+    put_header(template->start, 0, 0, 0, (uint32_t)function_id, number);
     memcpy(template->start + PACKET_HEAD, PyBytes_AS_STRING(constants), size);
     PyObject *capsule = PyCapsule_New(template, CAPSULE, free_template);
     if (capsule == NULL)

@@ -172,9 +172,6 @@ PyObject *native_request(PyObject *module, PyObject *const *arguments, Py_ssize_
 
 #ifdef __linux__ /* elsewhere, the time-out of sockets and the clock of Python are others */
 #define WITH_EXCHANGE 1
-PyObject *set_timeout(PyObject *module, PyObject *arguments);
-PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
-PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 /* What a prepared call requires, and its outcome; the references in the first lines are borrowed. */
 typedef struct {
     PyObject *conversation, *link, *seconds, *value, *prepared;
@@ -187,6 +184,10 @@ typedef struct {
 
 /* Make a prepared call. UNUSUAL: "other" is set, or nothing was sent, and Python makes the call. */
 Outcome exchange_prepared(State *state, PreparedCall *call);
+
+PyObject *set_timeout(PyObject *module, PyObject *arguments);
+PyObject *call(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
+PyObject *call_prepared(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 PyObject *call_prepared_by_client(PyObject *module, PyObject *const *arguments, Py_ssize_t count);
 #endif
 

@@ -87,7 +87,6 @@ class AsyncFile(AsyncObjectContainer):
             error.subject = self._label
             raise
         self.handle, self._missing = handle, None
-        self._commands.clear()  # they have the handle 0
         owner._adopt(self)
 
     async def file_names(self, option: str = "") -> list[str]:

@@ -245,6 +245,7 @@ class AsyncPreparedCall:
         """
         owner, prepared = self._owner, self._prepared
         client, changes = owner.client, prepared.changes
+        # the same shortcut as in execute() of the object
         if owner._open and prepared.short_in is client.dialect and (changes is None or changes.forgotten):
             return await call_prepared_by_client(client, prepared, parameter)
         return await owner._execute(prepared, parameter)
