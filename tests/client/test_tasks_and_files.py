@@ -251,6 +251,20 @@ def test_a_file_that_is_missing(both: Both, controller: Any) -> None:
     assert both.run(both.run(controller.file("a")).get_names()) == ["note.txt"]
 
 
+def test_commands_prepared_before_the_file_existed(both: Both, controller: Any) -> None:
+    """They have the handle that the file has received since."""
+    file = both.run(controller.file("a/note.txt"))
+    prepared = file.prepare("x")
+    for execute in (prepared, lambda: file.execute("x")):
+        with pytest.raises(CallError, match="FILE_NOT_FOUND"):
+            both.run(execute())
+    both.run(file.put_text("first"))
+    for execute in (lambda: file.execute("x"), prepared, lambda: file.execute("x"), prepared):
+        with pytest.raises(CallError) as caught:
+            both.run(execute())
+        assert caught.value.arguments[0] == file.handle != 0
+
+
 def test_a_missing_file_is_created_when_it_is_written(both: Both, controller: Any) -> None:
     file = both.run(controller.file("a/b/note.txt"))
     both.run(file.put_text("first"))
