@@ -297,7 +297,7 @@ def windows(context: Any, count: int) -> list[Any]:
 
 
 def clicks_of(context: Any, url: str) -> dict[str, Clicks]:
-    """Open three pages; return clicks whose reaction requires the Tester."""
+    """Open three pages; return clicks on each of them. The reaction of the page Arm requires the Tester."""
     arm, monitor, packets = windows(context, 3)
     arm.goto(f"{url}/arm")
     arm.get_by_test_id("jog-j1+").wait_for()

@@ -73,6 +73,15 @@ class TesterProcess:
         assert self.process.stderr is not None
         self.errors.extend(self.process.stderr)
 
+    @contextmanager
+    def suspended(self) -> Iterator[None]:
+        """Suspend the process inside the ``with`` block."""
+        self.process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self.process.send_signal(signal.SIGCONT)
+
     def __enter__(self) -> Self:
         return self
 

@@ -97,6 +97,18 @@ def test_the_plot_and_the_csv_file_contain_the_values(page, bench):
     assert {line.count(",") for line in lines} == {lines[0].count(",")}
 
 
+def test_the_plot_is_paused_before_the_tester_reacts(page, bench):
+    open_monitor(page, bench)
+    button = page.get_by_test_id("pause")
+    assert button.get_attribute("aria-label") == "Pause"
+    for label in ("Continue", "Pause"):
+        with bench.tester.suspended():
+            button.click()
+            page.locator(f'[data-testid="pause"][aria-label="{label}"]').wait_for()
+        page.wait_for_timeout(300)
+        assert button.get_attribute("aria-label") == label
+
+
 @pytest.mark.soak
 def test_invalid_names_and_a_megabyte_are_refused_and_the_page_goes_on(page, bench):
     open_monitor(page, bench)

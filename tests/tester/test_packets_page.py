@@ -201,6 +201,20 @@ def test_the_last_packets_of_each_connection(packets, filled):
     card.get_by_test_id("last-received").locator("[data-field]").first.wait_for()
 
 
+ONE_IS_HIDDEN = "ids => ids.map(id => document.getElementById(id).classList.contains('hidden')).join() === 'false,true'"
+
+
+def test_a_tab_is_displayed_before_the_tester_reacts(packets, filled):
+    tabs, last, parts = (packets.get_by_test_id(name) for name in ("packet-tabs", "last-packets", "all-packets"))
+    for text, shown, hidden in (("Last sent and received", last, parts), ("All packets", parts, last)):
+        with filled.tester.suspended():
+            tabs.get_by_text(text).click()
+            packets.wait_for_function(ONE_IS_HIDDEN, arg=[shown.get_attribute("id"), hidden.get_attribute("id")])
+        packets.get_by_test_id("last-sent").first.wait_for(state="attached")
+        assert shown.is_visible()
+        assert not hidden.is_visible()
+
+
 @pytest.mark.soak
 def test_keyboard(packets):
     packets.get_by_test_id("packet-list").focus()
@@ -221,6 +235,29 @@ def live(browser: Any, tmp_path: Path) -> Iterator[Any]:
             page.goto(f"{bench.tester.url}/packets")
             page.locator("[data-number]").first.wait_for()
             yield page
+
+
+COUNT_CHANGES = """
+window.okCreated = window.okSchemes = 0;
+new MutationObserver(found => window.okCreated += found.flatMap(each => [...each.addedNodes])
+  .filter(node => node.classList?.contains('ok-packet')).length
+).observe(document.querySelector('.ok-packets'), {childList: true, subtree: true});
+new MutationObserver(found => window.okSchemes += found.length)
+  .observe(document.head, {attributes: true, subtree: true, attributeFilter: ['content']});
+"""
+
+
+@pytest.mark.soak
+def test_new_packets_change_only_the_texts_of_the_rows(live):
+    live.wait_for_function("document.querySelectorAll('[data-number]').length > 5")
+    live.wait_for_timeout(1000)  # the size of the window is known to the Tester
+    live.evaluate(COUNT_CHANGES)
+    first = live.evaluate("Number(document.querySelector('[data-number]').dataset.number)")
+    live.wait_for_function(
+        "first => Number(document.querySelector('[data-number]').dataset.number) > first + 300", arg=first
+    )
+    assert live.evaluate("window.okCreated") == 0  # creating a row takes longer than changing it
+    assert live.evaluate("window.okSchemes") == 0  # each change computes the styles of all elements again
 
 
 @pytest.mark.soak

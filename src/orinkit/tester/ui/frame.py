@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from functools import cache
 from html import escape
 from importlib.resources import files
 from typing import Protocol
 
-from nicegui import ui
+from nicegui import Client, ui
 
 from orinkit.core.i18n import N_, tr
 from orinkit.tester.state.connection import ConnectionState
@@ -43,7 +44,7 @@ class PageRow(Protocol):
 @contextmanager
 def frame(session: PageSession, current: PageRow, rows: Sequence[PageRow]) -> Iterator[None]:
     """Build the frame; the contents of the page are built inside the ``with`` block."""
-    ui.dark_mode(session.dark)
+    _set_dark(session.client, session.dark)
     ui.colors(primary="#0e7490", positive="#15803d", negative="#c81e1e", warning="#b45309", dark="#10161d")
     ui.add_css(_css(), shared=False)
     ui.page_title(f"{tr(current.title)} - orinkit")
@@ -62,6 +63,16 @@ def frame(session: PageSession, current: PageRow, rows: Sequence[PageRow]) -> It
         _preferences(session)
     with ui.element("main").classes("ok-main"):
         yield
+
+
+def _set_dark(client: Client, dark: bool) -> None:
+    """Choose light or dark mode before the page is sent.
+
+    The element ``ui.dark_mode`` sets the mode again at each change of the page, and then the browser computes the styles
+    of all elements again.
+    """
+    client.page = copy(client.page)  # one object for all users
+    client.page.dark = dark
 
 
 def _placeholder(session: PageSession, title: str) -> str:

@@ -1,6 +1,20 @@
 // A scrolling list of packets of which only the visible rows exist. The server supplies the rows of a window.
 const ROW = 26; // px, as in tester.css
-const SPARE = 10; // rows above and below the visible ones
+const SPARE = 10; // rows above and below the visible ones, to scroll to
+
+// Give each row the key of its element. A new row gets the element of a row that is gone: changing the text of an element
+// takes less time than creating one.
+function withKeys(rows, before) {
+  const kept = new Map(before.map(({ key, row }) => [row[0], key]));
+  const keys = rows.map((row) => {
+    const key = kept.get(row[0]);
+    kept.delete(row[0]);
+    return key;
+  });
+  const free = [...kept.values()];
+  let next = Math.max(-1, ...before.map(({ key }) => key)) + 1;
+  return rows.map((row, index) => ({ key: keys[index] ?? free.shift() ?? next++, row }));
+}
 
 export default {
   template: `
@@ -12,17 +26,19 @@ export default {
       <div ref="scroller" class="ok-packets-scroll" @scroll.passive="scrolled" @wheel.passive="touched"
            @pointerdown="touched" @touchmove.passive="touched">
         <div class="ok-packets-space" :style="{height: count * 26 + 'px'}">
-          <div v-for="(row, index) in state.rows" :key="row[0]" role="row" :id="'ok-packet-' + row[0]"
-               :class="['ok-packet', row[6] && 'ok-' + row[6], row[0] === state.selected && 'ok-selected']"
-               :style="{top: (state.start - state.first + index) * 26 + 'px'}" :aria-selected="row[0] === state.selected"
-               :aria-rowindex="state.start - state.first + index + 2" :data-number="row[0]" @click="$emit('pick', row[0])">
-            <span role="gridcell">{{ row[0] }}</span>
-            <span role="gridcell">{{ row[1] }}</span>
-            <span role="gridcell">{{ row[2] }}</span>
-            <span role="gridcell" :class="row[3] === '>' ? 'ok-sent' : 'ok-received'"
-                  :aria-label="row[3] === '>' ? labels.sent : labels.received">{{ row[3] === '>' ? '→' : '←' }}</span>
-            <span role="gridcell">{{ row[4] }}</span>
-            <span role="gridcell"><b v-for="mark in row[7]" class="ok-mark">{{ mark }}</b>{{ row[5] }}</span>
+          <div class="ok-packets-window" :style="{top: (state.start - state.first) * 26 + 'px'}">
+            <div v-for="({key, row}, index) in shown" :key="key" role="row" :id="'ok-packet-' + row[0]"
+                 :class="['ok-packet', row[6] && 'ok-' + row[6], row[0] === state.selected && 'ok-selected']"
+                 :aria-selected="row[0] === state.selected" :aria-rowindex="state.start - state.first + index + 2"
+                 :data-number="row[0]" @click="$emit('pick', row[0])">
+              <span role="gridcell">{{ row[0] }}</span>
+              <span role="gridcell">{{ row[1] }}</span>
+              <span role="gridcell">{{ row[2] }}</span>
+              <span role="gridcell" :class="row[3] === '>' ? 'ok-sent' : 'ok-received'"
+                    :aria-label="row[3] === '>' ? labels.sent : labels.received">{{ row[3] === '>' ? '→' : '←' }}</span>
+              <span role="gridcell">{{ row[4] }}</span>
+              <span role="gridcell"><b v-for="mark in row[7]" class="ok-mark">{{ mark }}</b>{{ row[5] }}</span>
+            </div>
           </div>
         </div>
         <div v-if="!count" class="ok-empty">{{ labels.empty }}</div>
@@ -31,6 +47,10 @@ export default {
   props: { state: Object, labels: Object },
   emits: ["window", "pick", "move", "follow"],
   computed: {
+    shown() {
+      this.previous = withKeys(this.state.rows, this.previous);
+      return this.previous;
+    },
     count() {
       return this.state.end - this.state.first;
     },
@@ -42,6 +62,9 @@ export default {
     state(now, before) {
       this.$nextTick(() => this.place(now, before));
     },
+  },
+  created() {
+    this.previous = [];
   },
   mounted() {
     this.resizing = new ResizeObserver(() => {
@@ -101,8 +124,9 @@ export default {
       this.timer = null;
       const scroller = this.$refs.scroller;
       if (!scroller) return;
-      const index = Math.max(Math.floor(scroller.scrollTop / ROW) - SPARE, 0);
-      const size = Math.min(Math.ceil(scroller.clientHeight / ROW) + 2 * SPARE, 200);
+      const spare = this.state.follow ? 1 : SPARE;
+      const index = Math.max(Math.floor(scroller.scrollTop / ROW) - spare, 0);
+      const size = Math.min(Math.ceil(scroller.clientHeight / ROW) + 2 * spare, 200);
       const start = this.state.first + index;
       const key = this.state.follow ? `follow ${size}` : `${this.state.view} ${start} ${size}`;
       if (key === this.requested) return;

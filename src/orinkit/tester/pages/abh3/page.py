@@ -19,6 +19,7 @@ from orinkit.tester.state.abh3.cell import DriverCell
 from orinkit.tester.state.connection import ConnectionState
 from orinkit.tester.state.driver_connection import DriverConnection
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.immediate import show_chosen_part
 from orinkit.tester.ui.session import PageSession
 
 _REFRESH = 0.1  # s
@@ -111,14 +112,14 @@ class DriverPage:
         yield
         with self._parts["drive"]:
             yield from self._build_drive()
-        self._show_tab()
+        show_chosen_part(self._tab, self._parts)
         ui.timer(_REFRESH, self._refresh)
 
     def _build_head(self) -> None:
         tabs = {"drive": tr("Drive"), "frames": tr("CAN frames"), "parameters": tr("Parameters")}
         driver = self._cell.connection.driver
         with ui.element("div").classes("ok-row ok-packet-bar"):
-            self._tab = ui.toggle(tabs, value="drive", on_change=self._show_tab)
+            self._tab = ui.toggle(tabs, value="drive", on_change=self._build_tab)
             self._tab.props("no-caps unelevated dense data-testid=abh3-tabs")
             ui.space()
             ui.label(tr("driver {address}, group {group}", address=driver.address, group=driver.host.group)).classes(
@@ -160,9 +161,7 @@ class DriverPage:
         self.pause()
         self._drive.close()
 
-    def _show_tab(self) -> None:
-        for key, part in self._parts.items():
-            part.visible = key == self._tab.value
+    def _build_tab(self) -> None:
         if self._tab.value == "frames" and self._frames is None:
             with self._parts["frames"]:
                 self._frames = FramesCard(self._session, self._cell)

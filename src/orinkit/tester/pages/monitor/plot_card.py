@@ -12,6 +12,7 @@ from orinkit.core.i18n import tr
 from orinkit.tester.pages.monitor.watches import MAX_PLOTTED, Watches, csv_text
 from orinkit.tester.ui.chart import Chart
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.immediate import StateButton
 from orinkit.tester.ui.plots import time_layout, time_patch
 from orinkit.tester.ui.reporting import reported
 from orinkit.tester.ui.session import PageSession
@@ -45,9 +46,7 @@ class PlotCard:
                 window = ui.select(windows, value=chosen.window, label=tr("Time span"))
                 window.props("outlined dense options-dense data-testid=plot-window").classes("ok-window")
                 window.on_value_change(lambda event: setattr(chosen, "window", event.value))
-                self._pause = ui.button(icon="pause", on_click=self._toggle_pause).props(
-                    "flat dense round data-testid=pause"
-                )
+                StateButton(("pause", "play_arrow"), (tr("Pause"), tr("Continue")), "pause", self._set_paused)
                 export = ui.button("CSV", icon="download").props("flat no-caps dense data-testid=csv")
                 export.tooltip(tr("All watched numbers of the latest 10 minutes"))
             errors = ErrorBox("error-plot")
@@ -56,20 +55,13 @@ class PlotCard:
             )
             self._chart = Chart(time_layout(session.dark)).classes("ok-plot").props("data-testid=plot role=img")
             self._chart.props["aria-label"] = tr("History of the chosen variables")
-        self._show_pause()
         export.on_click(reported(session, self._export, errors.show))
 
     def _choose(self) -> None:
         self._watches.chosen.plotted = list(self._series.value or [])[-MAX_PLOTTED:]
 
-    def _toggle_pause(self) -> None:
-        self._paused_at = 0.0 if self._paused_at else time()
-        self._show_pause()
-
-    def _show_pause(self) -> None:
-        text = tr("Continue") if self._paused_at else tr("Pause")
-        self._pause.props["icon"] = "play_arrow" if self._paused_at else "pause"
-        self._pause.props["aria-label"] = text
+    def _set_paused(self, paused: bool) -> None:
+        self._paused_at = time() if paused else 0.0
 
     async def _export(self) -> None:
         histories = self._watches.snapshot()

@@ -25,14 +25,15 @@ class LastPackets:
 
     def __init__(self, log: PacketLog, summaries: Summaries) -> None:
         self._log, self._summaries = log, summaries
+        self._names: list[str] | None = None
         self._cards: dict[tuple[str, Direction], _LastPacket] = {}
         self.element = ui.element("div").classes("ok-last").props("data-testid=last-packets")
-        self._rebuild([])
 
     def refresh(self) -> None:
         """Show the current packets."""
         names = self._log.connections
-        if list(dict.fromkeys(name for name, _ in self._cards)) != names:
+        if names != self._names:
+            self._names = list(names)
             self._rebuild(names)
         for (name, direction), card in self._cards.items():
             card.refresh(self._log, self._summaries, name, direction)

@@ -18,10 +18,11 @@ from orinkit.tester.state.packet_log import LoggedPacket
 from orinkit.tester.state.packet_rows import row_of
 from orinkit.tester.ui.entry_list import EntryList, RecordButtons
 from orinkit.tester.ui.errors import ErrorBox
+from orinkit.tester.ui.immediate import show_chosen_part
 from orinkit.tester.ui.packet_list import ListTexts
 from orinkit.tester.ui.session import PageSession
 
-_REFRESH = 0.15  # s
+_REFRESH = 0.25  # s
 _SUMMARIES = Summaries()
 
 
@@ -59,7 +60,7 @@ class PacketsPage:
             self._build_actions()
         yield
         self._errors = ErrorBox("error-packets")
-        self._list_part = ui.element("div").classes("ok-packet-parts")
+        self._list_part = ui.element("div").classes("ok-packet-parts").props("data-testid=all-packets")
         with self._list_part:
             with ui.element("section").classes("ok-card"):
                 yield from self._build_list()
@@ -67,9 +68,8 @@ class PacketsPage:
             self._detail = DetailCard(self._log, _SUMMARIES, self._select)
         yield
         self._last = LastPackets(self._log, _SUMMARIES)
-        self._last_part = self._last.element
-        self._last_part.visible = False
-        self._tab.on_value_change(self._change_tab)
+        show_chosen_part(self._tab, {"all": self._list_part, "last": self._last.element})
+        self._tab.on_value_change(self._show_newest)
 
     def _build_actions(self) -> None:
         self._record = RecordButtons(self._session, self._log, lambda error: self._errors.show(error))
@@ -97,9 +97,11 @@ class PacketsPage:
     def _row(self, packet: LoggedPacket, previous: LoggedPacket | None, mode: str) -> list[Any]:
         return row_of(packet, previous, mode, self._log.start_ns, self._summary)
 
-    def _change_tab(self) -> None:
-        self._list_part.visible = self._tab.value == "all"
-        self._last_part.visible = self._tab.value == "last"
+    def _show_newest(self) -> None:
+        if self._tab.value == "last":
+            self._last.refresh()
+        else:
+            self._list.show()
 
     def _set_filter(self, condition: PacketFilter) -> None:
         self._renew(condition=condition)
