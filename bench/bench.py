@@ -117,7 +117,7 @@ def users(scale: float, results: Results) -> None:
     """Measure what users call: round trips, the server, many arms, start-up."""
     noise("before", 10.0 * scale, results)
     # many short rounds: the speed of the machine changes within seconds
-    natural(max(8, round(40 * scale)), 60, 5, results)
+    natural(max(8, round(40 * scale)), 60, 6, results)
     server_load(2.0 * scale, results)
     arms(100, 10.0 * scale, results)
     start_up(max(3, round(15 * scale)), results)

@@ -1,8 +1,8 @@
 """A process of the round trips: ``python bench/contender.py {sync,asyncio,uvloop} PORT``, for bench/natural.py.
 
-The process first prints its actions and the state of the C extension as JSON. For each line "ACTION COUNT INTERVAL" of
-its standard input, it performs an action COUNT times, once every INTERVAL ns (0: back to back), and prints the durations
-in ns. Each action has a connection of its own.
+The process first prints its actions and the state of the C extension as JSON. For each line "ACTIONS COUNT INTERVAL" of
+its standard input, it performs some actions in turn, COUNT times each, one action every INTERVAL ns (0: back to back), and
+prints the durations in ns. Each action has a connection of its own.
 """
 
 from __future__ import annotations
@@ -153,11 +153,11 @@ async def asynchronous(port: int) -> dict[str, Callable[[], Awaitable[object]]]:
     return found
 
 
-def run(action: Callable[[], object], count: int, interval: int) -> list[int]:
-    """Perform an action repeatedly; return the durations in ns."""
+def run(actions: list[Callable[[], object]], count: int, interval: int) -> list[int]:
+    """Perform actions in turn, repeatedly; return the durations in ns."""
     samples = []
     due = clock()
-    for _ in range(count):
+    for action in actions * count:
         if interval:
             time.sleep(max(0, due - clock()) / 1e9)
             due += interval
@@ -167,11 +167,11 @@ def run(action: Callable[[], object], count: int, interval: int) -> list[int]:
     return samples
 
 
-async def arun(action: Callable[[], Awaitable[object]], count: int, interval: int) -> list[int]:
-    """Perform an action repeatedly in asyncio; return the durations in ns."""
+async def arun(actions: list[Callable[[], Awaitable[object]]], count: int, interval: int) -> list[int]:
+    """Perform actions in turn, repeatedly, in asyncio; return the durations in ns."""
     samples = []
     due = clock()
-    for _ in range(count):
+    for action in actions * count:
         if interval:
             await asyncio.sleep(max(0, due - clock()) / 1e9)
             due += interval
@@ -181,13 +181,13 @@ async def arun(action: Callable[[], Awaitable[object]], count: int, interval: in
     return samples
 
 
-def obey(names: list[str], perform: Callable[[str, int, int], list[int]]) -> None:
+def obey(names: list[str], perform: Callable[[list[str], int, int], list[int]]) -> None:
     """Print the state, then execute the commands of the standard input until it ends."""
     print(json.dumps({"actions": names, "extension": extension()}), flush=True)
     for line in sys.stdin:
-        name, count, interval = json.loads(line)
-        samples = perform(name, count, interval)
-        if name in ("encode", "encode prepared", "decode"):
+        chosen, count, interval = json.loads(line)
+        samples = perform(chosen, count, interval)
+        if chosen[0] in ("encode", "encode prepared", "decode"):
             samples = [round(each / BATCH) for each in samples]
         print(*samples, flush=True)
 
@@ -198,12 +198,12 @@ def main() -> None:
     on_core(0)
     if kind == "sync":
         actions = synchronous(port)
-        obey(list(actions), lambda name, *how: run(actions[name], *how))
+        obey(list(actions), lambda chosen, *how: run([actions[each] for each in chosen], *how))
         return
     new_loop = importlib.import_module("uvloop").new_event_loop if kind == "uvloop" else None
     with asyncio.Runner(loop_factory=new_loop) as runner:
         found = runner.run(asynchronous(port))
-        obey(list(found), lambda name, *how: runner.run(arun(found[name], *how)))
+        obey(list(found), lambda chosen, *how: runner.run(arun([found[each] for each in chosen], *how)))
 
 
 if __name__ == "__main__":

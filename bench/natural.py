@@ -4,8 +4,9 @@ Each kind of client (synchronous and asyncio, with the C extension and without i
 own (bench/contender.py), and so has a bare client in C. All are connected to one responder on another core. They take turns
 in short rounds, and only one of them runs at a time.
 
-The speed of the machine changes during a run. Therefore each action is measured directly after its bare reference, and
-ratios and differences are the medians of these pairs.
+The speed of the machine changes during a run. Therefore each action is measured beside its bare reference, and ratios and
+differences are the medians of pairs: back to back, a pair consists of the medians of two short rounds that follow each
+other; every 1 ms and every 8 ms, of two calls that follow each other.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ CODEC_GOALS = {
 }
 LEAST_ADDED = 4.5  # us that the pure client may add, if this is more than its goal as a ratio
 LEAST_RATIO = 0.95  # no client is faster than its reference: a lower ratio shows that the machine stalled
-WARM_UP = 10  # samples at the beginning of each round that do not count
+WARM_UP = 10  # samples at the beginning of each back-to-back round that do not count
+CLOSER = 3  # times as many pairs if there is a goal, whose limit is close
 
 
 @dataclass(slots=True)
@@ -58,7 +60,7 @@ class Client:
         actions: Names of its actions.
         samples: Durations in us by action and interval.
         medians: Median of each round in us by action and interval.
-        pairs: Medians of each round in us of the action and of the bare reference directly before it.
+        pairs: Durations in us of the action and of the bare reference beside it.
     """
 
     label: str
@@ -78,22 +80,31 @@ class Client:
         return line
 
     def measure_pair(self, action: str, pace: str, count: int) -> None:
-        """Measure the bare reference, then an action."""
-        bare = self.measure("bare", pace, count)
-        self.pairs.setdefault((action, pace), []).append((self.measure(action, pace, count), bare))
+        """Measure the bare reference and an action: in turn, or back to back in one round each."""
+        if INTERVALS[pace]:
+            found = list(zip(*self.perform((action, "bare"), pace, count), strict=True))
+        else:
+            bare = self.measure("bare", pace, count)
+            found = [(self.measure(action, pace, count), bare)]
+        self.pairs.setdefault((action, pace), []).extend(found)
 
     def measure(self, action: str, pace: str, count: int) -> float:
-        """Perform an action ``count`` times, after some that do not count; return the median in us."""
+        """Measure one action; return the median in us."""
+        return statistics.median(self.perform((action,), pace, count)[0])
+
+    def perform(self, actions: tuple[str, ...], pace: str, count: int) -> list[list[float]]:
+        """Perform actions in turn ``count`` times, after some that do not count; return the durations of each in us."""
         interval = INTERVALS[pace]
-        warm_up = WARM_UP if not interval else 2
-        how = f"{count + warm_up} {interval}" if self.label == "C" else json.dumps([action, count + warm_up, interval])
+        warm_up = 1 if interval else WARM_UP
+        how = f"{count + warm_up} {interval}" if self.label == "C" else json.dumps([actions, count + warm_up, interval])
         assert self.process.stdin is not None
         print(how, file=self.process.stdin, flush=True)
-        samples = [int(each) / 1e3 for each in self.line().split()][warm_up:]
-        self.samples.setdefault((action, pace), []).extend(samples)
-        median = statistics.median(samples)
-        self.medians.setdefault((action, pace), []).append(median)
-        return median
+        times = [int(each) / 1e3 for each in self.line().split()][warm_up * len(actions) :]
+        found = [times[number :: len(actions)] for number in range(len(actions))]
+        for action, samples in zip(actions, found, strict=True):
+            self.samples.setdefault((action, pace), []).extend(samples)
+            self.medians.setdefault((action, pace), []).append(statistics.median(samples))
+        return found
 
     def p50(self, action: str, pace: str) -> float:
         """Return the median of all samples in us."""
@@ -180,7 +191,8 @@ def measure_round(client: Client, pace: str, count: int) -> None:
         client.measure("bare", pace, count)
     for action in client.actions:
         if action in ACTIONS:
-            client.measure_pair(action, pace, count)
+            close = pace == "every 8 ms" and client.label.startswith("sync") and action in GOAL_ACTIONS
+            client.measure_pair(action, pace, count * CLOSER if close else count)
         elif action != "bare" and not INTERVALS[pace]:  # the codec
             client.measure(action, pace, count)
 
