@@ -47,7 +47,7 @@ CODEC_GOALS = {
 LEAST_ADDED = 4.5  # us that the pure client may add, if this is more than its goal as a ratio
 LEAST_RATIO = 0.95  # no client is faster than its reference: a lower ratio shows that the machine stalled
 WARM_UP = 10  # samples at the beginning of each back-to-back round that do not count
-CLOSER = 3  # times as many pairs if there is a goal, whose limit is close
+CLOSER = 3  # times as many pairs if a limit is close
 
 
 @dataclass(slots=True)
@@ -191,8 +191,9 @@ def measure_round(client: Client, pace: str, count: int) -> None:
         client.measure("bare", pace, count)
     for action in client.actions:
         if action in ACTIONS:
-            close = pace == "every 8 ms" and client.label.startswith("sync") and action in GOAL_ACTIONS
-            client.measure_pair(action, pace, count * CLOSER if close else count)
+            close = pace != "every 1 ms" and client.label.startswith("sync") and action in GOAL_ACTIONS
+            for _ in range(CLOSER if close else 1):
+                client.measure_pair(action, pace, count)
         elif action != "bare" and not INTERVALS[pace]:  # the codec
             client.measure(action, pace, count)
 
