@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -40,6 +41,18 @@ def test_the_connection_of_the_command_line_is_open(page, bench):
     row = page.get_by_test_id(f"connection-{bench.server.url.removeprefix('tcp://')}")
     row.get_by_text("connected", exact=True).wait_for()
     assert bench.server.clients >= 1
+
+
+@pytest.mark.parametrize("width", [1360, 1000, 400])
+def test_the_buttons_do_not_move_when_the_string_appears(page, bench, width):
+    page.set_viewport_size({"width": width, "height": 900})
+    button = page.get_by_test_id("connect")
+    button.wait_for()
+    page.evaluate("document.fonts.ready")
+    before = button.bounding_box()
+    page.get_by_test_id("url").fill("tcp://192.168.100.100:65000")
+    expect(page.get_by_test_id("string")).to_have_value(re.compile("192.168.100.100"))
+    assert button.bounding_box() == before  # a click that has begun is not lost
 
 
 def test_string_and_fields_follow_each_other_and_the_string_can_be_chosen_again(page, bench):

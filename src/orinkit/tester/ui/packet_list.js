@@ -124,7 +124,8 @@ export default {
       this.timer = null;
       const scroller = this.$refs.scroller;
       if (!scroller) return;
-      const spare = this.state.follow ? 1 : SPARE;
+      const scrolling = performance.now() < this.heldUntil;
+      const spare = this.state.follow && !scrolling ? 1 : SPARE;
       const index = Math.max(Math.floor(scroller.scrollTop / ROW) - spare, 0);
       const size = Math.min(Math.ceil(scroller.clientHeight / ROW) + 2 * spare, 200);
       const start = this.state.first + index;
