@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import weakref
 from collections.abc import Awaitable, Callable, Coroutine
 from inspect import isawaitable
 from typing import Any
@@ -33,6 +34,8 @@ class Both:
     def __init__(self, kind: str) -> None:
         self.kind = kind
         self.loop = asyncio.new_event_loop() if kind == "async" else None
+        if self.loop is not None:  # a test that ends early, for example for lack of an extra, does not close it
+            weakref.finalize(self, self.loop.close)
 
     def __repr__(self) -> str:
         return self.kind
