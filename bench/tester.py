@@ -297,7 +297,10 @@ def windows(context: Any, count: int) -> list[Any]:
 
 
 def clicks_of(context: Any, url: str) -> dict[str, Clicks]:
-    """Open three pages; return clicks on each of them. The reaction of the page Arm requires the Tester."""
+    """Open three pages; return clicks on each of them.
+
+    The coordinates of jogging and the plot of a variable change when the Tester has replied, the others before.
+    """
     arm, monitor, packets = windows(context, 3)
     arm.goto(f"{url}/arm")
     arm.get_by_test_id("jog-j1+").wait_for()
@@ -311,6 +314,7 @@ def clicks_of(context: Any, url: str) -> dict[str, Clicks]:
     packets.get_by_test_id("packet-count").get_by_text("packets").wait_for()
     frame, tabs = arm.get_by_test_id("jog-frame"), packets.get_by_test_id("packet-tabs")
     label = "document.querySelector('[data-testid=pause]').ariaLabel"
+    plotted = "document.querySelector('[data-testid=watch-I2] [data-testid=plot]').ariaPressed"
     parts = "document.querySelector('.ok-packet-parts').classList.contains('hidden')"
     return {
         "Arm: coordinates of jogging": Clicks(
@@ -319,6 +323,10 @@ def clicks_of(context: Any, url: str) -> dict[str, Clicks]:
         ),
         "Monitor: pause of the plot": Clicks(
             monitor, lambda _: monitor.get_by_test_id("pause"), (f"{label} === 'Continue'", f"{label} === 'Pause'")
+        ),
+        "Monitor: plot of a variable": Clicks(
+            monitor, lambda _: monitor.get_by_test_id("watch-I2").get_by_test_id("plot"),
+            (f"{plotted} === 'true'", f"{plotted} === 'false'"),
         ),
         "Packets: tabs": Clicks(
             packets, lambda number: tabs.get_by_text(("Last sent and received", "All packets")[number % 2], exact=True),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from nicegui import ui
 
 from orinkit.core.errors import OrinError
@@ -40,7 +42,7 @@ class WatchCard:
                 ui.label(tr("Watch list")).classes("ok-card-title")
                 ui.space()
                 self._rate = ui.label().classes("ok-dim ok-value-small")
-                _icon_button("restart_alt", tr("Reset minimum and maximum")).on_click(watches.reset)
+                _icon_button("restart_alt", tr("Reset minimum and maximum")).on_click(self._shown_after(watches.reset))
             self._build_form()
             self._errors = ErrorBox("error-watch")
             self._list = ui.element("div").classes("ok-watch").props(f'role=table aria-label="{tr("Watch list")}"')
@@ -137,14 +139,28 @@ class WatchCard:
             with ui.element("div").classes("ok-watch-row ok-watch-head").props("role=row"):
                 for text in (tr("Variable"), tr("Type"), tr("Value"), tr("Minimum"), tr("Maximum"), ""):
                     ui.label(text).props("role=columnheader")
-            self._rows = [_Row(self._session, self._connection, self._watches, ref) for ref in refs]
+            self._rows = [_Row(self._session, self._connection, self._watches, ref, self._shown_after) for ref in refs]
+
+    def _shown_after(self, action: Callable[[], None]) -> Callable[[], None]:
+        """Return a function that performs an action and displays its result, without waiting for the next refresh."""
+
+        def act() -> None:
+            action()
+            self.refresh()
+
+        return act
 
 
 class _Row:
     """One variable."""
 
     def __init__(
-        self, session: PageSession, connection: ControllerConnection, watches: Watches, ref: VariableRef
+        self,
+        session: PageSession,
+        connection: ControllerConnection,
+        watches: Watches,
+        ref: VariableRef,
+        shown_after: Callable[[Callable[[], None]], Callable[[], None]],
     ) -> None:
         self._session, self._connection, self._watches, self._ref = session, connection, watches, ref
         self._shown: tuple[str, ...] = ()
@@ -162,15 +178,15 @@ class _Row:
             with ui.element("div").classes("ok-watch-actions").props("role=cell"):
                 _icon_button("edit", tr("Write {name}", name=ref.label), "edit").on_click(self._open_editor)
                 self._plot = _icon_button("show_chart", tr("Plot {name}", name=ref.label), "plot")
-                self._plot.on_click(lambda: watches.toggle(ref))
+                self._plot.on_click(shown_after(lambda: watches.toggle(ref)))
                 _icon_button("arrow_upward", tr("Move {name} up", name=ref.label), "up").on_click(
-                    lambda: chosen.move(ref, -1)
+                    shown_after(lambda: chosen.move(ref, -1))
                 )
                 _icon_button("arrow_downward", tr("Move {name} down", name=ref.label), "down").on_click(
-                    lambda: chosen.move(ref, 1)
+                    shown_after(lambda: chosen.move(ref, 1))
                 )
                 _icon_button("close", tr("Remove {name}", name=ref.label), "remove").on_click(
-                    lambda: chosen.remove(ref)
+                    shown_after(lambda: chosen.remove(ref))
                 )
             self._editor = ui.element("div").classes("ok-watch-editor")
             self._editor.visible = False
